@@ -10,16 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.experiments._motion import Motion, balanced_near, passive_flexion
+from kneejax.experiments._curves import Curves
+from kneejax.experiments._motion import Motion, apart_mm, balanced_near, in_rows, passive_flexion
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import Named, compiled, needs_numbers
 from kneejax.statics import (
-    Equilibria,
     Equilibrium,
     Guess,
     LoadCases,
     Status,
+    balance_one,
     converged,
     force,
     solve_equilibrium,
@@ -28,8 +29,6 @@ from kneejax.statics import (
 
 #: Fields of a balance from which a search begins.
 GUESSED = "q", "contact_points"
-#: Balances farther apart than this are two, mm (rotations at 30 mm).
-APART_MM = 1.0
 #: Neighbours farther apart than this may lie on two branches, mm (rotations at 30 mm).
 _JUMP_MM = 2.0
 #: Parts of the change that are still missing, one search each. A ligament of a hundredth of its
@@ -40,11 +39,6 @@ _MISSING = 0.1, 0.01, 0.0
 def guesses(equilibrium: Equilibrium) -> dict[str, np.ndarray]:
     """Its `GUESSED`, arrays begin with the load case."""
     return {x: np.moveaxis(np.asarray(getattr(equilibrium, x)), -1, 0) for x in GUESSED}
-
-
-def in_rows(found: Equilibria) -> dict[str, np.ndarray]:
-    """Fields of balances of one knee, arrays begin with the load case, and `reached`."""
-    return found.in_nodes() | {"reached": np.asarray(found.reached[0])}
 
 
 def changed_in_steps(
@@ -81,17 +75,14 @@ def _between(a, b, missing: float):
 
 
 class SecondBalances:
-    """Stable balances beside those that are reported, as far as they are known.
+    """Stable balances beside those that are reported (`main`: `GUESSED` and `status`, arrays begin
+    with the load case), as far as they are known: `found`, `GUESSED` too, NaN where none is."""
 
-    Attributes:
-        main: `GUESSED` and `status` of the balances that are reported, arrays begin with the load
-            case.
-        found: `GUESSED` of the second ones; NaN where none is known.
-    """
+    #: Balances farther apart than this are two, mm (rotations at 30 mm).
+    APART_MM = 1.0
 
     def __init__(self, knee: Knee, load_cases: LoadCases, main: Mapping[str, np.ndarray]):
         self._knee, self._load_cases, self.main = knee, load_cases, main
-        self._units = np.array(scales(load_cases.free))
         self.found = {name: np.full_like(main[name], np.nan) for name in GUESSED}
 
     @property
@@ -107,8 +98,8 @@ class SecondBalances:
     def add(self, rows: np.ndarray, other: Mapping[str, np.ndarray]) -> np.ndarray:
         """Keep what was found in another way at some load cases where it is stable and lies apart
         from what is reported, and say where that is, `(rows,)`."""
-        apart = np.abs((self.main["q"][rows] - other["q"]) / self._units).max(axis=-1)
-        same = np.asarray(converged(self.main["status"][rows])) & (apart <= APART_MM)
+        apart = apart_mm(self._load_cases.free, self.main["q"][rows], other["q"])
+        same = np.asarray(converged(self.main["status"][rows])) & (apart <= self.APART_MM)
         second = np.asarray(sound(other["status"])) & ~same
         for name, values in self.found.items():
             values[rows[second]] = other[name][second]
@@ -128,7 +119,7 @@ class SecondBalances:
             source: dict[int, list[np.ndarray]] = {}
             for row, by in pairs:
                 known = not np.isnan(q[by]).any()
-                apart = np.abs((main["q"][by] - main["q"][row]) / self._units).max()
+                apart = apart_mm(self._load_cases.free, main["q"][by], main["q"][row])
                 if untried[row] and row not in source and (known or apart > _JUMP_MM):
                     source[row] = [(self.found if known else main)[x][by] for x in GUESSED]
             if not source:
@@ -138,6 +129,54 @@ class SecondBalances:
             begin = map(np.stack, zip(*source.values(), strict=True))
             at = self._load_cases.take(rows)
             self.add(rows, balanced_near(self._knee, at, begin).in_nodes())
+
+
+def second_balances(curves: Curves, before: Knee) -> np.ndarray:
+    """Where a knee that was cut has a second stable balance under the loads of a test.
+
+    A test finds what is connected with the unloaded knee. From the other side the intact knee is
+    loaded first and cut then: at the ends of each curve and without the test's load. What is found
+    there apart from the curve is followed along it, as far as it exists.
+
+    Args:
+        curves: of the knee that was cut.
+        before: the knee before.
+
+    Returns:
+        Poses, degrees and mm, `(flexions, loads, 6)`; NaN where none is known, and in tests in
+        which a machine moves or holds the tibia.
+    """
+    motion, nodes, part = curves.motion, curves.nodes, curves.part
+    if curves.test.machine:
+        return np.full((*nodes.shape, len(COLUMNS)), np.nan)
+    zero = int(np.abs(part).argmin())
+    ends = sorted({int(part.argmin()), zero, int(part.argmax())})
+    load_cases = motion.load_cases.of(before).take(nodes.ravel())
+    main = guesses(motion.equilibrium) | {"status": np.asarray(motion.status)}
+    main = {name: values[nodes.ravel()] for name, values in main.items()}
+    second = SecondBalances(motion.knee, load_cases, main)
+    lines = np.arange(nodes.size).reshape(nodes.shape)
+    rows = lines[:, ends].ravel()
+    at = load_cases.take(rows)
+    whole = {name: np.array(values) for name, values in balance_one(before, at).in_nodes().items()}
+    good = np.asarray(converged(whole["status"]))
+    # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
+    rest = np.repeat(np.arange(len(nodes)) * len(ends) + ends.index(zero), len(ends))
+    lost = np.flatnonzero(~good & good[rest])
+    if len(lost):
+        begin = [whole[name][rest[lost]] for name in GUESSED]
+        snapped = balanced_near(before, at.take(lost), begin).in_nodes()
+        for name in (*GUESSED, "status"):
+            whole[name][lost] = snapped[name]
+        good = np.asarray(converged(whole["status"]))
+    if good.any():
+        begin = [whole[name][good] for name in GUESSED]
+        found = changed_in_steps(before, motion.knee, at.take(good), begin)
+        if found is not None:
+            second.add(rows[good], found)
+    second.follow(lines)
+    flexion = np.repeat(curves.test.flexion_deg, nodes.shape[1])
+    return second.poses(flexion).reshape(*nodes.shape, len(COLUMNS))
 
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
@@ -254,9 +293,8 @@ def _searched(knee: Knee, load_cases: LoadCases, row: np.ndarray, q: np.ndarray)
         # Filled up with the last one: one shape, one compilation.
         lanes = np.minimum(np.arange(first, first + _LANES), len(row) - 1)
         equilibrium = _search(knee, load_cases.take(row[lanes]), q[lanes].T)
-        count = min(_LANES, len(row) - first)
-        parts.append(jax.tree.map(lambda x, n=count: np.asarray(x)[..., :n], equilibrium))
-    return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
+        parts.append(jax.tree.map(np.asarray, equilibrium))
+    return jax.tree.map(lambda *x: np.concatenate(x, axis=-1)[..., : len(row)], *parts)
 
 
 @compiled()
@@ -273,4 +311,4 @@ def _search(knee: Knee, load_cases: LoadCases, q: jax.Array) -> Equilibrium:
 
 def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:
     """Between two poses, rotations at 30 mm; NaN where one is not known."""
-    return float(np.abs((one - other)[1:] * _IN_TABLE / _SCALES).max())
+    return float(apart_mm(FREE_COORDINATES, one[1:] * _IN_TABLE, other[1:] * _IN_TABLE))

@@ -1,4 +1,4 @@
-"""What a knee answers to a test under load."""
+"""What a knee answers to a test under load: curves of load over displacement, and laxity."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._lab_test import LabTest
+from kneejax.experiments._lab_tests import LabTest
 from kneejax.experiments._motion import Motion, followed, passive_flexion, with_flips
-from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, table_units
-from kneejax.mechanics import Knee
-from kneejax.numerics import Named, numpy_for
+from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, coordinate, table_units
+from kneejax.mechanics import Knee, load_called
+from kneejax.numerics import Named, needs_numbers, numpy_for
 from kneejax.statics import LoadCases, Status, converged
 
 
@@ -201,9 +201,9 @@ def load_curves(
     tests = (tests,) if isinstance(tests, LabTest) else tuple(tests)
     if not tests:
         raise ValueError("tests is empty; expected at least one")
-    machines = {test.machine for test in tests}
-    if len(machines) > 1:
-        kinds = "; ".join(", ".join(names) or "nothing" for names in sorted(machines))
+    machine, *others = sorted({test.machine for test in tests})
+    if others:
+        kinds = "; ".join(", ".join(names) or "nothing" for names in (machine, *others))
         raise ValueError(f"tests prescribe different coordinates ({kinds}); expected one call each")
     # Rows are loads of curves; each curve, at one flexion of one test, has a neutral pose.
     flexion = np.concatenate([test.flexion_deg for test in tests])
@@ -221,7 +221,6 @@ def load_curves(
         return passive_flexion(some, flexion, jax.tree.map(lambda x: x[first], constant))
 
     before = None if intact is None else neutral_of(intact)
-    (machine,) = machines
     if not machine:
         motion = passive_flexion(knee, flexion[curve], [*constant, grows])
     else:
@@ -240,7 +239,127 @@ def load_curves(
         prescribed |= zip(machine, taken, strict=True)
         motion = followed(knee, LoadCases(prescribed, acting, later=later))
     rows = np.split(np.arange(len(curve)), np.cumsum([each.size for each in parts])[:-1])
-    own = np.split(np.arange(len(flexion)), np.cumsum([len(each) for each in parts])[:-1])
-    every = zip(tests, rows, parts, paths, own, strict=True)
-    return tuple(Curves(test, motion, nodes.reshape(each.shape), part, back[1:], before, neutrals)
-                 for test, nodes, each, (part, back), neutrals in every)  # fmt: skip
+    return tuple(
+        Curves(test, motion, own.reshape(each.shape), part, back[1:], before, np.unique(curve[own]))
+        for test, own, each, (part, back) in zip(tests, rows, parts, paths, strict=True)
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Laxity(Named):
+    """How far a knee gives in one test at one flexion.
+
+    Attributes:
+        test: its name.
+        flexion_deg: at which it was made.
+        coordinate: that was observed.
+        range: between the two ends, or the size of the one end of a test one way.
+        positive: displacement under the full positive load; NaN where the knee does not hold it.
+        negative: under the full negative load, likewise; NaN in a test one way.
+        neutral: value of the coordinate without the test's load.
+        stiffness_start: mean slope of load over displacement in the first step each way; NaN where
+            another coordinate is observed than that along which the load works.
+        stiffness_end: the same in the last step each way that the knee held.
+        unit: of the displacements, `mm` or `deg`; of stiffness N or N m per unit.
+        held_positive: largest positive load that the knee held, N or N m; the force of a machine
+            that moves the tibia at its last place that way.
+        held_negative: the same of the negative load, negative.
+        counted_from: of `positive` and `negative`, one of `kneejax.experiments.COUNTED_FROM`.
+        status: the worst of all steps.
+
+    Example:
+        `kj.laxity` makes them of the curves of a test. By hand:
+
+        >>> from kneejax import Laxity, Status
+        >>> one = Laxity("drawer", 30.0, "anterior", 9.0, 5.0, -4.0, 0.0, 20.0, 60.0, "mm",
+        ...              90.0, -90.0, "own", Status.BALANCED)
+        >>> one.range, one.unit
+        (9.0, 'mm')
+    """
+
+    test: str
+    flexion_deg: float
+    coordinate: str
+    range: float
+    positive: float
+    negative: float
+    neutral: float
+    stiffness_start: float
+    stiffness_end: float
+    unit: str
+    held_positive: float
+    held_negative: float
+    counted_from: str
+    status: Status
+
+    def _named(self) -> dict[str, tuple]:
+        units = {name: self.unit for name in ("range", "positive", "negative", "neutral")}
+        return {x: ("", y, units.get(x, "")) for x, y in zip(LAXITY_COLUMNS, self.row, strict=True)}
+
+    @property
+    def row(self) -> list:
+        """The cells of laxity.csv under `LAXITY_COLUMNS`."""
+        return [*(getattr(self, name) for name in LAXITY_COLUMNS[:-1]), self.status.word]
+
+
+#: Columns of laxity.csv.
+LAXITY_COLUMNS = tuple(field.name for field in dataclasses.fields(Laxity))
+
+
+def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ...]:
+    """The numbers of a test, one row for each flexion.
+
+    Args:
+        curves: of one test.
+        status: `Status` values, `(flexions, loads)`; those of the search by default.
+
+    Example:
+        >>> import kneejax as kj
+        >>> (test,) = kj.lab_tests("drawer", [30.0], force_N=50.0, both=True, steps=2)
+        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
+        >>> (found,) = laxity(curves)
+        >>> bool(np.isclose(found.range, found.positive - found.negative)), found.unit
+        (True, 'mm')
+    """
+    needs_numbers("laxity", "load_curves(...).displacement", curves.motion)
+    test, status = curves.test, curves.searched if status is None else status
+    reached = np.asarray(curves.motion.reached)[curves.nodes]
+    moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
+    load = np.asarray(curves.driving_load)
+    order = np.argsort(test.size * curves.part)  # a test may begin with the negative sense
+    zero = int(np.argmin(np.abs(curves.part[order])))
+    ways = order[zero:], order[zero::-1]
+    works = load_called(test.observed) == test.driven_by
+    answer = []
+    for row, flexion in enumerate(test.flexion_deg):
+        ends, held, first, last = [np.nan, np.nan], [np.nan, np.nan], [], []
+        for k, way in enumerate(ways):
+            if len(way) < 2:
+                continue
+            good = converged(status[row, way])
+            count = len(way) if good.all() else int(np.argmin(good))
+            known = way[:count]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = np.diff(load[row, known]) / np.diff(moved[row, known])
+            if works and len(slope):
+                first.append(slope[0])
+                last.append(slope[-1])
+            held[k] = load[row, known[-1]] if count else np.nan
+            if count == len(way):
+                ends[k] = moved[row, way[-1]]
+            elif test.displacement is None:
+                held[k] = load[row, way[count]] * reached[row, way[count]]
+        both = [end for end, way in zip(ends, ways, strict=True) if len(way) > 1]
+        span = both[0] - both[1] if len(both) == 2 else abs(both[0]) if both else np.nan
+        answer.append(Laxity(
+            test.name, float(flexion), test.observed, float(span), float(ends[0]), float(ends[1]),
+            float(neutral[row]), _mean(first), _mean(last), coordinate(test.observed).unit,
+            float(held[0]), float(held[1]), curves.counted_from,
+            Status(int(status[row].max())),
+        ))  # fmt: skip
+    return tuple(answer)
+
+
+def _mean(values: list[float]) -> float:
+    known = [x for x in values if np.isfinite(x)]
+    return float(np.mean(known)) if known else np.nan

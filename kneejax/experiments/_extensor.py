@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,16 +20,16 @@ from jax.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._extensor_mechanism import (
     TENDON,
-    ByPull,
     Shank,
     by_pull,
+    needs_patella,
     pulls,
     tendon_of,
     tendon_rows,
     weight_of,
 )
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, OTHER_COLUMNS, PATELLA, TIBIA, State, scales
+from kneejax.experiments._motion import Motion, again, apart_mm, expected, followed
+from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, OTHER_COLUMNS, PATELLA, TIBIA, State
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import Named, compiled, numpy_for, traced
 from kneejax.statics import LoadCases, converged
@@ -46,16 +45,6 @@ _MORE, _MOST = 1.5, 2.0
 _MISSED_MM = 1.0
 
 
-class Held(NamedTuple):
-    """A leg that the quadriceps holds."""
-
-    motion: Motion  # its balances
-    pull: Array  # of all heads together, `(poses,)`, N
-    # Where the balance lay elsewhere than expected, so that a path of its own led to it under the
-    # new pull, `(poses,)`.
-    continued: np.ndarray
-
-
 def at_rest(knee: Knee) -> Array:
     """Pull of all heads of the quadriceps at rest, N."""
     assert knee.muscles is not None
@@ -68,45 +57,34 @@ def pulled_at(knee: Knee, flexion: Array, pull: Array, loads: tuple[Load, ...]) 
     return LoadCases.at(flexion, [pull_of(QUADRICEPS, pull - at_rest(knee)), *loads])
 
 
-def held_leg(knee: Knee, flexion: Array, weight: Load) -> Held:
-    """Find the pull of the quadriceps that holds a leg at each flexion.
-
-    Args:
-        knee: of three bones.
-        flexion: degrees, `(poses,)`.
-        weight: of the leg.
-
-    Returns:
-        What was found. Where the leg would not sink, the quadriceps is at rest.
-
-    Raises:
-        TypeError: JAX traces the call, so that no number is known.
-    """
+def held_leg(knee: Knee, flexion: Array, weight: Load) -> tuple[Motion, Array, np.ndarray]:
+    """A leg that the quadriceps holds at flexions, degrees: its balances, the pull of all heads, N,
+    at rest where the leg would not sink, and where a balance lay elsewhere than expected, so that
+    a path of its own led to it under the new pull, `(poses,)`."""
     still = jax.lax.stop_gradient((knee, flexion, weight))
     if traced(still):
         raise TypeError(
             "leg_raise inside jax.jit or jax.vmap: expected outside of them; jax.jvp, jax.jacfwd "
             "and jax.grad take it"
         )
-    found = _searched(*still)
+    motion, pull, continued = _searched(*still)
     if not traced(knee, flexion, weight):
-        return found
+        return motion, pull, continued
     # The pull makes the moment vanish, and the pose balances under it. From the root a step by the
     # slope there has the root's first derivative, and two have the second as well.
-    equilibrium, reached = found.motion.equilibrium, found.motion.reached
-    arm = by_pull(found.motion.knee, found.motion.load_cases, equilibrium).arm
+    equilibrium, reached = motion.equilibrium, motion.reached
+    arm = by_pull(motion.knee, motion.load_cases, equilibrium).arm
     rest = at_rest(knee)
-    moves = (found.pull > jax.lax.stop_gradient(rest)) & (found.pull < STRONGEST_N)
-    limit = jnp.where(found.pull < STRONGEST_N, rest, STRONGEST_N)
-    pull = found.pull
+    moves = (pull > jax.lax.stop_gradient(rest)) & (pull < STRONGEST_N)
+    limit = jnp.where(pull < STRONGEST_N, rest, STRONGEST_N)
     for _ in range(2):
         held = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
         pull = jnp.where(moves, pull - held.reaction("flexion") / arm, limit)
     motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
-    return found._replace(motion=motion, pull=pull)
+    return motion, pull, continued
 
 
-def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
+def _searched(knee: Knee, flexion: Array, weight: Load) -> tuple[Motion, Array, np.ndarray]:
     rest = float(at_rest(knee))
     # A leg that hangs from a slack quadriceps may have no balance: begin where it carries, as if
     # the tibia only bent.
@@ -129,27 +107,18 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
             break
         step = np.where(goes_on, further - pull, 0.0)
         pull = pull + step
-        motion, off_branch = _moved(motion, pulled_at(knee, flexion, pull, (weight,)), step, grows)
-        continued |= off_branch
-    return Held(motion, jnp.asarray(pull), continued)
-
-
-def _moved(
-    before: Motion, load_cases: LoadCases, step: np.ndarray, grows: ByPull
-) -> tuple[Motion, np.ndarray]:
-    """A motion under another pull, and where a path of its own led there."""
-    equilibrium = before.equilibrium
-    q = equilibrium.q + grows.q * step
-    motion = expected(before.knee, load_cases, q, equilibrium.contact_points)
-    units = np.array(scales(load_cases.of(before.knee).free))[:, None]
-    away = np.abs(np.asarray(motion.equilibrium.q - q) / units).max(axis=0)
-    off_branch = (step != 0.0) & ~(away <= _MISSED_MM)
-    if off_branch.any():
-        continued = followed(before.knee, load_cases)
-        new, old = ((x.equilibrium, x.reached) for x in (continued, motion))
-        equilibrium, reached = jax.tree.map(lambda x, y: jnp.where(off_branch, x, y), new, old)
-        motion = again(before.knee, load_cases, equilibrium, reached)
-    return motion, off_branch
+        load_cases, last = pulled_at(knee, flexion, pull, (weight,)).of(knee), motion.equilibrium
+        q = np.asarray(last.q + grows.q * step)
+        motion = expected(knee, load_cases, q, last.contact_points)
+        away = apart_mm(load_cases.free, np.asarray(motion.equilibrium.q).T, q.T)
+        off_branch = (step != 0.0) & ~(away <= _MISSED_MM)
+        if off_branch.any():
+            # A path of its own leads there.
+            new, old = ((x.equilibrium, x.reached) for x in (followed(knee, load_cases), motion))
+            found = jax.tree.map(lambda x, y, off=off_branch: jnp.where(off, x, y), new, old)
+            motion = again(knee, load_cases, *found)
+            continued |= off_branch
+    return motion, jnp.asarray(pull), continued
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,12 +151,13 @@ class Extensor(Named):
         ("quadriceps_N", "tendon_N", "contact_N", "extension_Nm", "weight_Nm"), "")}  # fmt: skip
 
     def _named(self) -> dict[str, tuple]:
-        labels = self.motion.knee.ligaments.names, self.motion.knee.contact_names
+        knee = self.motion.knee
         columns = [one.column for one in OTHER_COLUMNS.values() if one.body == PATELLA]
         poses = np.moveaxis(np.asarray(self.patella), -1, 0)
         patella = {name: ("pose", x) for name, x in zip(columns, poses, strict=True)}
         return self.motion._named() | self.mechanics._named() | patella | super()._named() | {
-            name: (name, own) for name, own in zip(("ligament", "contact"), labels, strict=True)
+            "ligament": ("ligament", knee.ligaments.names),
+            "contact": ("contact", knee.contact_names),
         }  # fmt: skip
 
     @functools.cached_property
@@ -243,14 +213,6 @@ class Extensor(Named):
         return answer
 
 
-def needs_patella(knee: Knee) -> None:
-    """Refuse, by a ValueError, a knee that has no patella or no quadriceps."""
-    if PATELLA not in knee.bodies or knee.muscles is None or not knee.muscles.quadriceps:
-        raise ValueError(
-            f"{knee.name} has no patella with a quadriceps: expected a knee read with its patella"
-        )
-
-
 def patellar_tracking(
     knee: Knee, flexion_deg: ArrayLike, quadriceps_N: ArrayLike, loads: Sequence[Load] = ()
 ) -> Extensor:
@@ -281,10 +243,9 @@ def patellar_tracking(
     if wrong.size:
         expected = f"above 0 and up to {STRONGEST_N:g} N"
         raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
-    weightless = weight_of(np.zeros(3), np.zeros(3))
+    weightless = weight_of()
     motion = followed(knee, pulled_at(knee, flexion, pull, (weightless, *loads)))
-    nowhere = np.zeros(len(motion.status), bool)
-    return described(motion, jnp.asarray(pull, float), nowhere, weightless)
+    return described(motion, jnp.asarray(pull, float), np.zeros(len(pull), bool), weightless)
 
 
 def isometric_extension(

@@ -17,27 +17,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.experiments._extensor import (
-    Extensor,
-    at_rest,
-    described,
-    held_leg,
-    needs_patella,
-    pulled_at,
-)
-from kneejax.experiments._extensor_mechanism import Shank, weight_of
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.geometry import scales
+from kneejax.experiments._extensor import Extensor, at_rest, described, held_leg, pulled_at
+from kneejax.experiments._extensor_mechanism import Shank, needs_patella, weight_of
+from kneejax.experiments._motion import Motion, again, apart_mm, expected, followed
 from kneejax.mechanics import Cable, Knee, Load, add_lane_axis
 from kneejax.numerics import Named, WrongValue, compiled, lanes_for, traced
-from kneejax.statics import (
-    Equilibrium,
-    Guess,
-    LoadCases,
-    converged,
-    differentiable,
-    solve_equilibrium,
-)
+from kneejax.statics import Equilibrium, Guess, LoadCases, differentiable, solve_equilibrium
 
 #: N; a cable that is slack still pulls a rounding of 0.05.
 SLACK_N = 0.1
@@ -55,7 +40,7 @@ class OnCable(NamedTuple):
     pull: Array  # of the cable, `(lanes,)`, N, which comes to what the heads have at rest
 
 
-def drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> Knee:
+def _drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> Knee:
     """A knee of three bones in lanes whose quadriceps hangs on a cable of that length, mm, under
     the pull that is expected, N, `(lanes,)` each."""
     lanes = load_cases.load(add_lane_axis(knee))
@@ -64,7 +49,7 @@ def drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> 
     return dataclasses.replace(lanes, muscles=muscles)
 
 
-def balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCable) -> OnCable:
+def _balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCable) -> OnCable:
     """Balances near others, of quadriceps that are as long as they are told to be."""
     # Filled up: another number of lanes is no other program.
     rows = np.minimum(np.arange(lanes_for(len(length))), len(length) - 1)
@@ -72,7 +57,7 @@ def balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCabl
     found = jax.tree.map(lambda x: x[..., rows], near)
     for _ in range(_MOST_TIMES):
         equilibrium, pull = found
-        lanes = drawn(knee, load_cases, long, pull)
+        lanes = _drawn(knee, load_cases, long, pull)
         guess = Guess(equilibrium.q, equilibrium.contact_points)
         again = solve_equilibrium(lanes, load_cases.prescribed, guess)
         comes = _pull(lanes, again)
@@ -82,7 +67,7 @@ def balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCabl
     return jax.tree.map(lambda x: x[..., : len(length)], found)
 
 
-def drawn_to(
+def _drawn_to(
     knee: Knee, load_cases: LoadCases, rest: np.ndarray, longer: np.ndarray, start: OnCable
 ) -> OnCable:
     """Balances of quadriceps that are drawn from where they are at rest, `rest`, in strides, to be
@@ -90,25 +75,23 @@ def drawn_to(
 
     Each lane has strides of its own and depends on no other.
     """
-    units = np.array(scales(load_cases.of(knee).free))[:, None]
+    free = load_cases.of(knee).free
     before, here, lost = start, start, np.zeros(len(longer), bool)
     for k in range(int(np.ceil(np.abs(longer).max(initial=0.0) / _STRIDE_MM))):
         way = np.sign(longer) * np.minimum((k + 1) * _STRIDE_MM, np.abs(longer))
         last = np.sign(longer) * np.minimum(k * _STRIDE_MM, np.abs(longer))
         part = np.abs(way - last) / _STRIDE_MM if k else np.zeros(len(longer))
-        ahead = jax.tree.map(
-            lambda new, old, part=part: new + part * (new - old),
-            (here.equilibrium.q, here.pull), (before.equilibrium.q, before.pull),
-        )  # fmt: skip
-        near = dataclasses.replace(here.equilibrium, q=ahead[0]), jnp.maximum(ahead[1], 0.0)
-        before, here = here, balanced(knee, load_cases, rest + way, OnCable(*near))
-        away = np.abs(np.asarray(here.equilibrium.q - ahead[0]) / units).max(axis=0)
+        q = here.equilibrium.q + part * (here.equilibrium.q - before.equilibrium.q)
+        pull = jnp.maximum(here.pull + part * (here.pull - before.pull), 0.0)
+        near = OnCable(dataclasses.replace(here.equilibrium, q=q), pull)
+        before, here = here, _balanced(knee, load_cases, rest + way, near)
+        away = apart_mm(free, np.asarray(here.equilibrium.q).T, np.asarray(q).T)
         lost |= (way != last) & ~(away <= _MISSED_MM)
     q, pull = (jnp.where(lost, jnp.nan, x) for x in (here.equilibrium.q, here.pull))
     return OnCable(dataclasses.replace(here.equilibrium, q=q), pull)
 
 
-def with_derivatives(knee: Knee, load_cases: LoadCases, length: Array, found: OnCable) -> OnCable:
+def _with_derivatives(knee: Knee, load_cases: LoadCases, length: Array, found: OnCable) -> OnCable:
     """The same balances as a function of the knee, of what is prescribed and of the length.
 
     The pull is where the one that comes out is the one that was expected: from there a step by the
@@ -129,7 +112,7 @@ def with_derivatives(knee: Knee, load_cases: LoadCases, length: Array, found: On
 def _followed(
     knee: Knee, load_cases: LoadCases, length: Array, found: OnCable, expected: Array
 ) -> tuple[Equilibrium, Array]:
-    lanes = drawn(knee, load_cases, length, expected)
+    lanes = _drawn(knee, load_cases, length, expected)
     equilibrium = differentiable(lanes, load_cases.prescribed, found.equilibrium)
     return equilibrium, _pull(lanes, equilibrium)
 
@@ -199,19 +182,13 @@ def extension_by_length(
     needs_patella(knee)
     angles, lengths = (jnp.atleast_1d(jnp.asarray(x, float)) for x in (flexion_deg, longer_mm))
     flexion, longer = jnp.repeat(angles, len(lengths)), jnp.tile(lengths, len(angles))
-    weightless = weight_of(np.zeros(3), np.zeros(3))
-    acting = (weightless, *loads)
-
-    known = jax.lax.stop_gradient((knee, flexion, longer))
-    resting = followed(known[0], pulled_at(known[0], known[1], at_rest(known[0]), acting))
+    acting = (weight_of(), *loads)
+    own, bent, more = jax.lax.stop_gradient((knee, flexion, longer))
+    resting = followed(own, pulled_at(own, bent, at_rest(own), acting))
     rest = np.asarray(_length(resting))
     start = OnCable(resting.equilibrium, jnp.zeros(len(rest)))
-    found = drawn_to(known[0], LoadCases.at(known[1], acting), rest, np.asarray(known[2]), start)
-    if traced(knee, flexion, longer):
-        still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
-        load_cases = LoadCases.at(flexion, acting)
-        found = with_derivatives(knee, load_cases, _length(still) + longer, found)
-    return _driven(knee, flexion, np.asarray(known[2]), found, acting)
+    found = _drawn_to(own, LoadCases.at(bent, acting), rest, np.asarray(more), start)
+    return _driven(knee, LoadCases.at(flexion, acting), longer, acting, resting, found)
 
 
 def leg_raise_by_length(knee: Knee, longer_mm: ArrayLike, shank: Shank | Load) -> DrivenExtensor:
@@ -242,17 +219,13 @@ def leg_raise_by_length(knee: Knee, longer_mm: ArrayLike, shank: Shank | Load) -
     needs_patella(knee)
     weight = shank.load() if isinstance(shank, Shank) else shank
     longer = jnp.atleast_1d(jnp.asarray(longer_mm, float))
-    known = jax.lax.stop_gradient((knee, longer))
-    resting = followed(known[0], pulled_at(known[0], jnp.zeros(1), at_rest(known[0]), (weight,)))
-    length = np.asarray(_length(resting) + known[1])
-    begin, near = _between_held(known[0], weight, length, np.asarray(known[1]))
+    own, more = jax.lax.stop_gradient((knee, longer))
+    resting = followed(own, pulled_at(own, jnp.zeros(1), at_rest(own), (weight,)))
+    length = np.asarray(_length(resting) + more)
+    begin, near = _between_held(own, weight, length, np.asarray(more))
     load_cases = LoadCases.at(begin, (weight,), flexion_is_free=True)
-    found = balanced(known[0], load_cases, length, near)
-    if traced(knee, longer):
-        still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
-        found = with_derivatives(knee, load_cases, _length(still) + longer, found)
-    flexion = jnp.rad2deg(found.equilibrium.q[0])
-    return _driven(knee, flexion, np.asarray(known[1]), found, (weight,))
+    found = _balanced(own, load_cases, length, near)
+    return _driven(knee, load_cases, longer, (weight,), resting, found)
 
 
 @compiled()
@@ -265,9 +238,9 @@ def _between_held(
     knee: Knee, weight: Load, length: np.ndarray, longer: np.ndarray
 ) -> tuple[np.ndarray, OnCable]:
     """Flexions, and where a leg of such lengths is expected: between legs that are held."""
-    held = held_leg(knee, jnp.asarray(_HELD_DEG), weight)
-    rest, every = float(at_rest(knee)), np.asarray(_length(held.motion))
-    good = np.asarray(converged(held.motion.status)) & (np.asarray(held.pull) > rest)
+    motion, pull, _ = held_leg(knee, jnp.asarray(_HELD_DEG), weight)
+    rest, every = float(at_rest(knee)), np.asarray(_length(motion))
+    good = np.asarray(motion.equilibrium.converged) & (np.asarray(pull) > rest)
     rows = np.flatnonzero(good)
     rows = rows[np.argsort(every[rows])]
     known = every[rows]
@@ -288,19 +261,23 @@ def _between_held(
         x = np.asarray(x)
         return jnp.asarray(x[..., low] + part * (x[..., high] - x[..., low]))
 
-    equilibrium = held.motion.equilibrium
-    begin = between(_HELD_DEG)
+    begin, equilibrium = between(_HELD_DEG), motion.equilibrium
     q = jnp.concatenate([jnp.deg2rad(begin)[None], between(equilibrium.q)])
     near = dataclasses.replace(equilibrium, q=q, contact_points=between(equilibrium.contact_points))
-    return np.asarray(begin), OnCable(near, between(held.pull) - rest)
+    return np.asarray(begin), OnCable(near, between(pull) - rest)
 
 
 def _driven(
-    knee: Knee, flexion: Array, longer: np.ndarray, found: OnCable, acting: tuple[Load, ...]
-) -> DrivenExtensor:
+    knee: Knee, load_cases: LoadCases, longer: Array, acting: tuple[Load, ...], resting: Motion,
+    found: OnCable,
+) -> DrivenExtensor:  # fmt: skip
     """What is told of balances: as under a quadriceps that pulls as much at the same flexion."""
-    still = jax.lax.stop_gradient((knee, flexion, found))
-    own, bent, (equilibrium, cable) = still
+    if traced(knee, load_cases, longer):
+        still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
+        found = _with_derivatives(knee, load_cases, _length(still) + longer, found)
+    is_held = load_cases.begin is None
+    flexion = jnp.rad2deg(load_cases.flexion if is_held else found.equilibrium.q[0])
+    own, bent, (equilibrium, cable) = jax.lax.stop_gradient((knee, flexion, found))
     first = len(equilibrium.q) - len(LoadCases.at(0.0).of(own).free)
     pull = jnp.where(jnp.isfinite(equilibrium.q[0]), cable, 0.0) + at_rest(own)
     bent = jnp.where(jnp.isfinite(bent), bent, 0.0)
@@ -309,10 +286,11 @@ def _driven(
     if traced(knee, flexion, found):
         load_cases = pulled_at(knee, flexion, found.pull + at_rest(knee), acting)
         motion = again(knee, load_cases, near.equilibrium, near.reached)
-    holds = jnp.isfinite(equilibrium.q[0]) & converged(near.status)
+    holds = jnp.isfinite(equilibrium.q[0]) & near.equilibrium.converged
     status = jnp.where(holds, equilibrium.status, jnp.maximum(equilibrium.status, near.status))
     motion = dataclasses.replace(motion, status=status, stable=equilibrium.stable)
     total = jnp.where(holds, found.pull + at_rest(knee), jnp.nan)
-    nowhere = np.zeros(len(longer), bool)
-    slack = np.asarray(holds & (cable < SLACK_N)) & (longer > 0.0)
-    return DrivenExtensor(longer, described(motion, total, nowhere, acting[0]), slack)
+    told = described(motion, total, np.zeros(len(longer), bool), acting[0])
+    own_longer = np.asarray(jax.lax.stop_gradient(longer))
+    slack = np.asarray(holds & (cable < SLACK_N)) & (own_longer > 0.0)
+    return DrivenExtensor(own_longer, told, slack)

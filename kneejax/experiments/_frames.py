@@ -64,8 +64,7 @@ class Frames:
 
     def __post_init__(self) -> None:
         times, flexion = rising(self.time_s), np.asarray(self.flexion_deg, float)
-        object.__setattr__(self, "time_s", times)
-        object.__setattr__(self, "flexion_deg", flexion)
+        self.__dict__.update(time_s=times, flexion_deg=flexion)
         if times.shape != flexion.shape or len(times) < 2:
             raise WrongValue("time_s", f"{len(times)} rows", str(max(len(flexion), 2)))
         if self.period_s is None:
@@ -87,25 +86,23 @@ class Frames:
         """At which the motion is computed, the rows last."""
         if self.period_s is None:
             return self.time_s
-        first = self._turns_before() - self.cycles_before * self.period_s
+        first = self._turns_before(self.period_s) - self.cycles_before * self.period_s
         cycles = np.arange(-self.cycles_before - 1, 1)[:, None] * self.period_s
         times = (cycles + self.time_s).ravel()
         return np.r_[first, times[times > first + _SHORT_S]]
 
-    def _turns_before(self) -> float:
+    def _turns_before(self, period_s: float) -> float:
         """The last time before the rows at which a motion that repeats itself is bent most: there a
         knee may begin at rest without a shock."""
         from scipy.optimize import minimize_scalar
 
-        assert self.period_s is not None
-        times = self.time_s[0] - np.linspace(1.0, 0.0, _LOOKS) * self.period_s
-        k = int(np.argmax(self._way(times)))
-        near = self.period_s / _LOOKS
+        times = self.time_s[0] - np.linspace(1.0, 0.0, _LOOKS) * period_s
+        middle, near = times[np.argmax(self._way(times))], period_s / _LOOKS
         found: Any = minimize_scalar(
             lambda t: -float(self._way(np.array([t]))[0]), method="bounded",
-            bounds=(times[k] - near, times[k] + near), options={"xatol": _SHORT_S},
+            bounds=(middle - near, middle + near), options={"xatol": _SHORT_S},
         )  # fmt: skip
-        return float(found.x) - self.period_s * (found.x > self.time_s[0])
+        return float(found.x) - period_s * (found.x > self.time_s[0])
 
     @property
     def since_start_s(self) -> np.ndarray:

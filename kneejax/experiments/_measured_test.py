@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.experiments._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
 from kneejax.numerics import WrongValue
 
 if TYPE_CHECKING:
+    from kneejax.experiments._curves import Curves
     from kneejax.experiments._frames import Frames
 
 #: What measured numbers are counted from -> what that means.
@@ -125,27 +125,22 @@ class MeasuredTest:
         if unknown:
             raise WrongValue("loads", repr(unknown[0]), f"of {', '.join(NAMED_LOADS)}")
         self._check_loads(flexion, [*loads.values(), *tensions.values()])
-        shape = len(flexion), 5
-        if observed.shape != shape:
-            raise WrongValue("observed", str(observed.shape), str(shape))
         columns = {"loads": loads, "tensions": tensions, "readings": readings}
         rows = {f"{field}.{x}": y for field, every in columns.items() for x, y in every.items()}
-        for name, sizes in (rows | ({} if weight is None else {"weight": weight})).items():
-            if sizes.shape != flexion.shape:
-                raise WrongValue(name, str(sizes.shape), str(flexion.shape))
-        if self.axes not in AXES:
-            raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
-        if self.counted_from not in COUNTED_FROM:
-            known = f"one of {', '.join(COUNTED_FROM)}"
-            raise WrongValue("counted_from", repr(self.counted_from), known)
+        rows = {"observed": observed} | rows | ({} if weight is None else {"weight": weight})
+        for name, sizes in rows.items():
+            shape = (len(flexion), 5) if name == "observed" else flexion.shape
+            if sizes.shape != shape:
+                raise WrongValue(name, str(sizes.shape), str(shape))
+        for field, known in (("axes", AXES), ("counted_from", COUNTED_FROM)):
+            if (value := getattr(self, field)) not in known:
+                raise WrongValue(field, repr(value), f"one of {', '.join(known)}")
         if all(np.isnan(own).all() for own in (observed, *readings.values())):
             raise WrongValue("observed", "nothing", "a number in some row")
         if self.counted_from == "intact" and not self.cut:
             raise WrongValue("counted_from", "intact", "cut too, or unloaded")
         self._check_readings()
-        if weight is not None and not (
-            np.isfinite(weight).all() and (weight >= 0).all() and weight.any()
-        ):
+        if weight is not None and not (weight.min() >= 0.0 and 0.0 < weight.max() < np.inf):
             raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
         if self.frames is not None:
             seen = len(self.frames.time_s)
@@ -197,8 +192,8 @@ class MeasuredTest:
                 rows = np.flatnonzero((groups == group) & counts)
                 # What was read twice under the same load differs by noise alone.
                 if self.frames is None and len(np.unique(setting[rows], axis=0)) < 2:
-                    where = f" at {self.flexion_deg[rows[0]]:g} degrees"
-                    where = where if self.counted_from == "offset_each_flexion" else ""
+                    each = self.counted_from == "offset_each_flexion"
+                    where = f" at {self.flexion_deg[rows[0]]:g} degrees" if each else ""
                     raise WrongValue(
                         "counted_from", f"{name} under one load{where}",
                         f"readings under two loads or more for each constant of "
@@ -221,9 +216,7 @@ class MeasuredTest:
         """Name of the load over which curves are drawn: the one that changes most."""
         if not self.loads:
             raise WrongValue("loads", "none", "a load over which curves can be drawn")
-        # Moments in N m are compared with forces as if they acted 50 mm away.
-        arm = {name: 20.0 if name.endswith("_Nm") else 1.0 for name in self.loads}
-        return max(self.loads, key=lambda name: arm[name] * np.ptp(np.r_[0.0, self.loads[name]]))
+        return max(self.loads, key=lambda name: change_of(name, np.r_[0.0, self.loads[name]]))
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -240,12 +233,12 @@ class MeasuredTest:
     def partner(self) -> np.ndarray:
         """Row from which each row is counted, `(n,)`: its own number where it is such a row
         itself, -1 where it is counted from none."""
-        rows = np.arange(len(self.flexion_deg))
+        count = len(self.flexion_deg)
         if self.counted_from == "extension":
-            return np.full(len(rows), np.argmin(self.flexion_deg))
+            return np.full(count, np.argmin(self.flexion_deg))
         if self.counted_from not in ("least_load", "opposite"):
-            return np.full(len(rows), -1)
-        partner, driving = rows.copy(), self.loads[self.driven_by]
+            return np.full(count, -1)
+        partner, driving = np.arange(count), self.loads[self.driven_by]
         if self.counted_from == "opposite":
             under = np.flatnonzero(driving > 0)
             partner[under] = [self._opposite(row, driving) for row in under]
@@ -301,9 +294,10 @@ class MeasuredTest:
         if fits.any():
             return int(np.argmin(np.where(fits, off + apart, np.inf)))
         near = int(np.argmin(np.where(driving < 0, np.maximum(off, apart), np.inf)))
-        at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
-        other = f"the nearest is row {near + 1}, {at}"
-        other = other if driving[near] < 0 else "no row has a load of the opposite sense"
+        other = "no row has a load of the opposite sense"
+        if driving[near] < 0:
+            at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
+            other = f"the nearest is row {near + 1}, {at}"
         found = f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees"
         raise WrongValue(
             f"row {row + 1}", found,
@@ -340,21 +334,25 @@ class MeasuredTest:
         if curves.test.held:
             held = ", ".join(curves.test.held)
             raise WrongValue(curves.test.name, f"{held} is held", "what is free there")
-        test, moved = curves.test, np.asarray(curves.displacement)
-        path = np.asarray(test.path)
-        under = path != 0.0
-        flexions = len(test.flexion_deg)
-        observed = np.full((flexions * int(under.sum()), 5), np.nan)
-        observed[:, FREE_COORDINATES.index(test.observed)] = moved[:, under].ravel()
+        test, under = curves.test, np.asarray(curves.test.path) != 0.0
+        flexion = np.repeat(test.flexion_deg, int(under.sum()))
+        observed = np.full((len(flexion), 5), np.nan)
+        moved = np.asarray(curves.displacement)[:, under].ravel()
+        observed[:, FREE_COORDINATES.index(test.observed)] = moved
         loads = {
             name: np.asarray(curves.load(name))[:, under].ravel() - test.constant.get(name, 0.0)
             for name in test.full or (test.driven_by,)
         }
         return cls(
-            test.name, np.repeat(test.flexion_deg, int(under.sum())), loads, observed,
+            test.name, flexion, loads, observed,
             constant=dict(test.constant), point_mm=test.point_mm,
             **{"counted_from": curves.counted_from} | given,
         )  # fmt: skip
+
+
+def change_of(load: str, sizes: np.ndarray) -> float:
+    """How much a load changes, N; moments, N m, count as if they acted 50 mm away."""
+    return (20.0 if load.endswith("_Nm") else 1.0) * float(np.ptp(sizes))
 
 
 def reading_unit(reading: str) -> str:

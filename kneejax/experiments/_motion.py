@@ -15,7 +15,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics
-from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
+from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import Named, WrongValue, compiled, imported, numpy_for, traced
 from kneejax.parameters import fibre_rows
@@ -227,9 +227,7 @@ class Motion(eqx.Module, Named):
                      "residual_moment": "N mm", "left_mm": ""}}  # fmt: skip
 
     def _named(self) -> dict[str, tuple]:
-        return {name: ("pose", values) for name, values in self._columns().items()} | (
-            super()._named()
-        )
+        return {name: ("pose", x) for name, x in self._columns().items()} | super()._named()
 
     def _columns(self) -> dict[str, Any]:
         """Column -> a number or word for each pose."""
@@ -237,10 +235,8 @@ class Motion(eqx.Module, Named):
         columns = table | {"status": [Status(int(status)).word for status in self.status]}
         for name in self.load_cases.prescribed:
             if name != "flexion":
-                force = np.asarray(self.reaction(name))
-                of_turn = coordinate(name).unit == "deg"
-                column = f"reaction_{name}_{'Nm' if of_turn else 'N'}"
-                columns[column] = force / 1000.0 if of_turn else force
+                size, unit = (1000.0, "Nm") if coordinate(name).unit == "deg" else (1.0, "N")
+                columns[f"reaction_{name}_{unit}"] = np.asarray(self.reaction(name)) / size
         return columns
 
 
@@ -294,16 +290,11 @@ def passive_flexion(
 
 
 def followed(knee: Knee, load_cases: LoadCases) -> Motion:
-    """Where a knee is balanced at any load cases, each reached as `passive_flexion` says.
-
-    Args:
-        knee: any knee.
-        load_cases: what is prescribed, and what acts besides the knee's own loads.
-    """
+    """Where a knee is balanced at any load cases, each reached as `passive_flexion` says."""
     load_cases = load_cases.of(knee)
     still = jax.lax.stop_gradient((knee, load_cases))
     if not traced(still):
-        return again(knee, load_cases, *_of_one(still[1], balance_one(*still)))
+        return motion_of(knee, load_cases, in_rows(balance_one(*still)))
     equilibrium = continued_in_trace(*still)
     return again(knee, load_cases, equilibrium, jnp.where(equilibrium.converged, 1.0, 0.0))
 
@@ -315,11 +306,17 @@ def balanced_near(knee: Knee, load_cases: LoadCases, begin: Iterable[np.ndarray]
     return balance_near(knee, itself, np.zeros(1), load_cases, q, contact_points)
 
 
+def apart_mm(names: Iterable[str], one: ArrayLike, other: ArrayLike) -> np.ndarray:
+    """How far coordinates of these names, which end each array, are from others at most, rotations
+    at 30 mm."""
+    return np.abs((np.asarray(one) - np.asarray(other)) / np.array(scales(names))).max(axis=-1)
+
+
 def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: ArrayLike) -> Motion:
     """As `balanced_near`, of arrays that end in poses."""
     begin = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, contact_points))
     load_cases = load_cases.of(knee)
-    return again(knee, load_cases, *_of_one(load_cases, balanced_near(knee, load_cases, begin)))
+    return motion_of(knee, load_cases, in_rows(balanced_near(knee, load_cases, begin)))
 
 
 def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: Array) -> Motion:
@@ -331,9 +328,16 @@ def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: 
     return dataclasses.replace(motion, knee=knee, load_cases=load_cases)
 
 
-def _of_one(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
-    nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
-    return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0], float)
+def in_rows(found: Equilibria) -> dict[str, np.ndarray]:
+    """Fields of balances of one knee, arrays begin with the load case, and `reached`."""
+    return found.in_nodes() | {"reached": np.asarray(found.reached[0])}
+
+
+def motion_of(knee: Knee, load_cases: LoadCases, rows: dict[str, np.ndarray]) -> Motion:
+    """What was found, as `in_rows` has it, as a motion: see `again`."""
+    nodes = {name: np.moveaxis(x, 0, -1) for name, x in rows.items() if name != "reached"}
+    equilibrium = equilibrium_of(jax.lax.stop_gradient(load_cases.of(knee)), nodes)
+    return again(knee, load_cases, equilibrium, jnp.asarray(rows["reached"], float))
 
 
 @compiled()

@@ -1,4 +1,4 @@
-"""A knee that is loaded, led or let go, and what it does until it is at rest."""
+"""A knee through time: loaded, led or let go until it is at rest, and a leg that is raised."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._extensor import at_rest
-from kneejax.experiments._motion import Motion, passive_flexion
-from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
+from kneejax.experiments._extensor import Extensor, at_rest, leg_raise
+from kneejax.experiments._motion import Motion, apart_mm, passive_flexion
+from kneejax.geometry import TIBIA, State, coordinate, coordinates_of, prescribed_of, table_units
 from kneejax.mechanics import QUADRICEPS, load_of
 from kneejax.numerics import Named, WrongValue
-from kneejax.statics import Status
+from kneejax.statics import Status, converged
 
 #: mm, at any time: what is left of the error of a motion's steps.
 MOST_ERROR_MM = 0.01
@@ -65,18 +65,18 @@ class Transient(Named):
         """Coordinate -> by how much it went beyond where it comes to rest, degrees or mm."""
         if self.rest is None:
             return {}
-        table, last = self.trajectory.to_table()[:, :6], np.asarray(self.rest.to_table())[0]
+        names, last = coordinates_of((TIBIA,)), np.asarray(self.rest.to_table())[0]
+        table = self.trajectory.to_table()[:, :6]
         sense = np.sign(last - table[0])
-        return dict(zip(COORDINATES, np.fmax.reduce((table - last) * sense), strict=True))
+        return dict(zip(names, np.fmax.reduce((table - last) * sense), strict=True))
 
     def _named(self) -> dict[str, tuple]:
         motion, knee, per = self.trajectory, self.trajectory.moving.knee, "time_s ligament"
         pressed = np.linalg.norm(np.asarray(self.mechanics.contact_force), axis=-1)
         loads = {f"load_{name}": ("time_s", size) for name, size in self.sizes.items()}
-        kinds = {"N": "force", "mm": "length"}
+        kinds = {"quadriceps_N": "quadriceps_force", "quadriceps_mm": "quadriceps_length"}
         for column, size in self.quadriceps.items():
-            name, unit = column.rsplit("_", 1)
-            loads[f"{name}_{kinds[unit]}"] = "time_s", size, unit
+            loads[kinds[column]] = "time_s", size, column.split("_")[1]
         for name in ("work", "kinetic", "potential", "dissipated", "missing"):
             energy = np.asarray(getattr(self.account, name))[motion.rows]
             loads[f"energy_{name}"] = "time_s", energy, "N mm"
@@ -137,8 +137,8 @@ def transient(
     if not flexion_is_free and set(held) == {"flexion"}:
         names = coordinates_of(moving.knee.bodies)
         rest = _balance(moving, flexion_deg, sizes, load_s, times[-1])
-        off = np.asarray(found.q[-1]) - np.asarray(rest.equilibrium.state.at(names))[:, 0]
-        far = float(np.abs(off / np.array(scales(names))).max())
+        there = np.asarray(rest.equilibrium.state.at(names))[:, 0]
+        far = float(apart_mm(names, np.asarray(found.q)[-1], there))
     return described(found, _at(times, load_s, sizes), rest, far)
 
 
@@ -210,3 +210,135 @@ def _at(at_s, load_s: np.ndarray, sizes: Mapping[str, ArrayLike]) -> dict[str, n
     """Load -> its size at some times."""
     return {name: np.interp(at_s, load_s, np.broadcast_to(size, load_s.shape))
             for name, size in sizes.items()}  # fmt: skip
+
+
+#: N m; a leg that would turn with more is not held by its quadriceps: it would not sink.
+_HELD_NM = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class RaisedLeg(Named):
+    """A leg that is raised in some time, and the same leg held where it comes by.
+
+    Attributes:
+        transient: the motion.
+        rows: of its times, those at which the leg is held too, `(poses,)`.
+        held: the leg that its quadriceps holds at the flexions of these times.
+        from_held: how far the motion is from that, degrees and mm, `(poses, coordinates)`, columns
+            as of the motion; of flexion, how far it is from where the leg would be held with the
+            quadriceps as long as it is.
+    """
+
+    transient: Transient
+    rows: np.ndarray
+    held: Extensor
+    from_held: np.ndarray
+
+    def _named(self) -> dict[str, tuple]:
+        motion, over = self.transient.trajectory, "pose"
+        away = {f"{x}_from_held": (over, y, coordinate(x).unit)
+                for x, y in zip(motion.names, self.from_held.T, strict=True)}  # fmt: skip
+        pull = np.asarray(self.held.quadriceps_N)
+        held = {"held_time_s": (over, motion.time_s[self.rows]), "held_quadriceps_N": (over, pull)}
+        return self.transient._named() | held | away
+
+    @property
+    def farthest(self) -> float:
+        """Of `from_held`, degrees or mm."""
+        return float(np.nanmax(np.abs(self.from_held)))
+
+
+def raised_leg(
+    moving: MovingKnee, flexion_deg: ArrayLike, time_s: ArrayLike, *,
+    lengths: tuple[ArrayLike, ArrayLike] | None = None, most_mm: float = MOST_ERROR_MM,
+    progress: Callable[[int], None] | None = None,
+) -> RaisedLeg:  # fmt: skip
+    """Raise a leg by a motor on its quadriceps.
+
+    By itself the motor shortens the quadriceps from its length where the leg is held at the first
+    flexion to that at the last, along a polynomial of degree 5 that begins and ends at rest. Its
+    pull is a result.
+
+    Args:
+        moving: a knee of three bones with mass, damping and gravity.
+        flexion_deg: from most to least, `(poses,)`; at as many the motion is compared with a leg
+            that is held. Where a leg would not sink the quadriceps has nothing to do: the motion
+            begins at the first flexion at which it has.
+        time_s: at which the motion is told; it begins with the first and ends with the last.
+        lengths: times, and lengths of the quadriceps at these, mm, smoothly joined; only their
+            changes count, since the leg begins where it is held.
+        most_mm: that is left of the error of the steps.
+        progress: is told how many steps are done, of each of several passes.
+
+    Raises:
+        ValueError: the knee has no patella, flexions that do not fall, fewer than two at which the
+            quadriceps holds the leg, or lengths beyond those with which it does.
+
+    Source: paper 3, Eqs 19 and 20.
+    """
+    flexions, times = np.asarray(flexion_deg, float), np.asarray(time_s, float)
+    if (np.diff(flexions) >= 0.0).any():
+        found = ", ".join(f"{x:g}" for x in flexions)
+        raise WrongValue("flexion_deg", found, "flexions that fall, from the hanging leg on")
+    others = tuple(load for load in moving.weights if load.bone != TIBIA)
+    (weight,) = (load for load in moving.weights if load.bone == TIBIA)
+    knee = dataclasses.replace(moving.knee, loads=(*moving.knee.loads, *others))
+    ahead = leg_raise(knee, flexions, weight)
+    first, last = _ends(ahead)
+    way = _way(times, np.asarray(ahead.quadriceps_mm)[[first, last]], lengths)
+    names = coordinates_of(knee.bodies)
+    start = np.asarray(ahead.motion.equilibrium.state.at(names))[:, first]
+    found = move_within(
+        most_mm, moving, start, times, held={QUADRICEPS: way},
+        pull_N=float(ahead.quadriceps_N[first] - at_rest(knee)), progress=progress,
+    )  # fmt: skip
+    table = found.to_table()
+    passed = np.where(np.isfinite(table[:, 0]), table[:, 0], np.inf)
+    wanted = np.linspace(flexions[first], flexions[last], len(flexions))
+    rows = np.argmin(np.abs(passed - wanted[:, None]), axis=1)
+    held = leg_raise(knee, passed[rows], weight)
+    there = np.asarray(held.motion.equilibrium.state.at(names)).T * table_units(names)
+    away = table[rows] - there
+    longer = np.asarray(way(times))[rows] - np.asarray(held.quadriceps_mm)
+    away[:, 0] = np.rad2deg(longer / np.asarray(held.arm_mm))
+    away[~_holds(held)] = np.nan
+    return RaisedLeg(described(found, {}), rows, held, away)
+
+
+def _holds(leg: Extensor) -> np.ndarray:
+    """Where the quadriceps holds the leg."""
+    rest = float(at_rest(leg.motion.knee))
+    good = np.asarray(converged(leg.motion.status)) & (np.asarray(leg.quadriceps_N) > rest)
+    return good & (np.abs(np.asarray(leg.extension_Nm)) < _HELD_NM)
+
+
+def _ends(leg: Extensor) -> tuple[int, int]:
+    """First and last row of the longest stretch of flexions at which the leg is held."""
+    rows = np.flatnonzero(_holds(leg))
+    stretch = max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
+    if len(stretch) < 2:
+        found = f"{leg.flexion_deg[0]:g} to {leg.flexion_deg[-1]:g}"
+        raise WrongValue("flexion_deg", found, "two at least at which the quadriceps holds the leg")
+    return int(stretch[0]), int(stretch[-1])
+
+
+def _way(times: np.ndarray, ends: np.ndarray, lengths) -> Callable:
+    """Length over time: as given, or along a polynomial that is at rest at both ends."""
+    first, last = ends
+    if lengths is not None:
+        given = np.asarray(lengths[1], float)
+        changes = given - given[0]
+        for change in (changes.max(), changes.min()):
+            if not last <= first + change <= first:
+                raise WrongValue(
+                    "quadriceps_mm",
+                    f"{change:+.4g} longer than at the start, where it has {first:.4g}",
+                    f"between {last - first:.4g} and 0, with which it holds the leg",
+                )
+        return smooth_way(lengths[0], given, first)
+
+    def way(t):
+        part = np.clip((t - times[0]) / (times[-1] - times[0]), 0.0, 1.0)
+        return first + (last - first) * part**3 * (10.0 + part * (6.0 * part - 15.0))
+
+    return way

@@ -7,7 +7,10 @@ from kneejax._lazy import lazy_imports
 if TYPE_CHECKING:
     from kneejax.planning._followed import Followed as Followed
     from kneejax.planning._followed import Protocol as Protocol
+    from kneejax.planning._followed import fix as fix
+    from kneejax.planning._followed import fixed_knee as fixed_knee
     from kneejax.planning._followed import follow as follow
+    from kneejax.planning._followed import slack_length as slack_length
     from kneejax.planning._footprints import DIRECTIONS as DIRECTIONS
     from kneejax.planning._footprints import FARTHEST_MM as FARTHEST_MM
     from kneejax.planning._footprints import SEMI_AXES_MM as SEMI_AXES_MM
@@ -22,15 +25,12 @@ if TYPE_CHECKING:
     from kneejax.planning._front import Front as Front
     from kneejax.planning._front import pareto_front as pareto_front
     from kneejax.planning._front import undominated as undominated
-    from kneejax.planning._limits import Intervals as Intervals
-    from kneejax.planning._limits import best_of as best_of
-    from kneejax.planning._limits import criteria_of as criteria_of
-    from kneejax.planning._limits import intervals as intervals
-    from kneejax.planning._limits import missed as missed
-    from kneejax.planning._limits import on_knee as on_knee
-    from kneejax.planning._maps import TunnelMap as TunnelMap
-    from kneejax.planning._maps import tolerances as tolerances
-    from kneejax.planning._maps import tunnel_map as tunnel_map
+    from kneejax.planning._map import Intervals as Intervals
+    from kneejax.planning._map import TunnelMap as TunnelMap
+    from kneejax.planning._map import intervals as intervals
+    from kneejax.planning._map import on_knee as on_knee
+    from kneejax.planning._map import tolerances as tolerances
+    from kneejax.planning._map import tunnel_map as tunnel_map
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
     from kneejax.planning._optimum import STARTS as STARTS
     from kneejax.planning._optimum import Optimum as Optimum
@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
     from kneejax.planning._plan import operated_knees as operated_knees
     from kneejax.planning._plan import run_plan as run_plan
-    from kneejax.planning._pretension import fix as fix
-    from kneejax.planning._pretension import fixed_knee as fixed_knee
-    from kneejax.planning._pretension import slack_length as slack_length
     from kneejax.planning._reconstruction import GRAFTS as GRAFTS
     from kneejax.planning._reconstruction import Reconstruction as Reconstruction
     from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
@@ -54,5 +51,8 @@ if TYPE_CHECKING:
     from kneejax.planning._surgery import Near as Near
     from kneejax.planning._surgery import Outcome as Outcome
     from kneejax.planning._surgery import Surgery as Surgery
+    from kneejax.planning._surgery import best_of as best_of
+    from kneejax.planning._surgery import criteria_of as criteria_of
+    from kneejax.planning._surgery import missed as missed
 else:
     lazy_imports(globals())

@@ -1,19 +1,34 @@
-"""Operated knees followed through flexions and tests, from one graft to the next."""
+"""Operated knees: grafts fixed under a tension, and followed through flexions and tests.
+
+While it is tightened, a graft pulls with the tension that the surgeon gives it, whatever its
+length: the knee is balanced with that. There the graft's length is known, and with its law its
+slack length, in closed form. Fixed with that length, it pulls at the same pose with the same force:
+no second search.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
+from kneejax.experiments import passive_flexion
 from kneejax.geometry import CLINICAL, COORDINATES, FEMORAL, State, convert
-from kneejax.mechanics import Knee, load_of
+from kneejax.mechanics import Knee, ligament_law, load_of
 from kneejax.numerics import filled
-from kneejax.planning._reconstruction import Operated, Reconstruction
+from kneejax.planning._reconstruction import (
+    BUNDLE_NUMBERS,
+    TRANSITION_STRAIN,
+    TRANSITION_WIDTH,
+    Operated,
+    Reconstruction,
+)
 from kneejax.statics import (
     LoadCases,
     Progress,
@@ -52,15 +67,13 @@ class Protocol:
     @functools.cached_property
     def flexion_deg(self) -> np.ndarray:
         """Of all load cases: the motion, then each test from no load to the full one."""
-        tests = np.repeat(self.lachman_deg, self.steps + 1)
-        return np.r_[self.extension_deg, tests]
+        return np.r_[self.extension_deg, np.repeat(self.lachman_deg, self.steps + 1)]
 
     @functools.cached_property
     def force(self) -> np.ndarray:
         """Anterior force at each load case, N."""
         grows = self.force_N * np.linspace(0.0, 1.0, self.steps + 1)
-        nothing = np.zeros(len(self.extension_deg))
-        return np.r_[nothing, np.tile(grows, len(self.lachman_deg))]
+        return np.r_[np.zeros(len(self.extension_deg)), np.tile(grows, len(self.lachman_deg))]
 
     @property
     def motion(self) -> slice:
@@ -111,15 +124,10 @@ class Followed:
 
 
 def follow(
-    plan: Reconstruction,
-    values: np.ndarray,
-    protocol: Protocol,
-    *,
-    slopes: bool = False,
-    near: Slopes | None = None,
-    grid: tuple[int, int] | None = None,
+    plan: Reconstruction, values: np.ndarray, protocol: Protocol, *, slopes: bool = False,
+    near: Slopes | None = None, grid: tuple[int, int] | None = None,
     progress: Progress | None = None,
-) -> Followed:
+) -> Followed:  # fmt: skip
     """Put variants through a protocol.
 
     Args:
@@ -137,12 +145,11 @@ def follow(
     """
     load_cases, shape = protocol.load_cases, (len(values), len(protocol.flexion_deg))
     if slopes:
-        found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
+        found = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
     elif grid is None:
-        near = None
         found = balance_many(plan.knee, plan.vary, values, load_cases, progress=progress)
     else:
-        near, (rows, columns) = None, grid
+        rows, columns = grid
         along = functools.partial(balance_lines, plan.knee, plan.vary)
         lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
         spine = along(lines[None, :, column], load_cases, np.array([row])).at(0)
@@ -159,12 +166,13 @@ def follow(
     read = jax.tree.map(
         lambda *x: np.concatenate(x)[: status.size].reshape(*shape, *x[0].shape[1:]), *parts
     )
-    by, by_value = read.pop("by", {}), None
+    by = read.pop("by", {})
     for numbers in read.values():
         numbers[~converged(status)] = np.nan
-    if near is not None:
-        by_value = {name: own + by_pose @ near.jacobian for name, (own, by_pose) in by.items()}
-    return Followed(**read, status=status, slopes=by_value, near=near)
+    if not isinstance(found, Slopes):
+        return Followed(**read, status=status)
+    by_value = {name: own + by_pose @ found.jacobian for name, (own, by_pose) in by.items()}
+    return Followed(**read, status=status, slopes=by_value, near=found)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
@@ -187,3 +195,105 @@ def _read(vary: Operated, slopes: bool, knee: Knee, values, q, flexion):
         return one(*at) | {"by": {k: tuple(map(jnp.atleast_2d, x)) for k, x in by.items()}}
 
     return jax.vmap(both if slopes else one)(values, q, flexion)
+
+
+class Fixed(NamedTuple):
+    """Grafts that were fixed under a tension."""
+
+    slack_mm: np.ndarray  # zero-load length of each bundle, `(variants, bundles)`; NaN unbalanced
+    # Its derivative by the numbers of the variants under tension, `(variants, bundles, numbers)`,
+    # and the balances, to predict others from; None where no slopes were asked for.
+    slope: np.ndarray | None
+    status: np.ndarray  # `Status` values of the balances at fixation, `(variants,)`
+    near: Slopes | None
+
+
+def slack_length(length_mm: ArrayLike, tension_N: ArrayLike, stiffness_N: ArrayLike) -> Array:
+    """Zero-load length of a graft that carries a tension at a length.
+
+    Args:
+        length_mm: between its ends.
+        tension_N: there, positive.
+        stiffness_N: N per unit strain.
+
+    Returns:
+        mm, differentiable by all three.
+
+    Example:
+        >>> short = slack_length(30.0, 80.0, 7140.0)
+        >>> tension = ligament_law.tension(30.0 / short - 1.0, 7140.0, 0.06, 0.0001)
+        >>> round(float(tension), 9)
+        80.0
+    """
+    return ligament_law.slack_length_from_force(
+        length_mm, tension_N, stiffness_N, TRANSITION_STRAIN, TRANSITION_WIDTH
+    )
+
+
+def fix(
+    plan: Reconstruction, ends: np.ndarray, tension_N: np.ndarray, flexion_deg: float, *,
+    slopes: bool = False, near: Slopes | None = None, grid: tuple[int, int] | None = None,
+) -> Fixed:  # fmt: skip
+    """Fix the grafts of many variants, each under its own tension.
+
+    Args:
+        plan: the knee and its grafts.
+        ends: femoral and tibial, `(variants, bundles, 6)`, mm.
+        tension_N: of each bundle, `(variants, bundles)`.
+        flexion_deg: at which they are fixed.
+        slopes: whether derivatives are wanted.
+        near: of near variants, to begin from.
+        grid: rows and columns in which the variants stand, see `follow`.
+
+    Returns:
+        The fixed grafts.
+    """
+    values = plan.value(ends, tension_N=tension_N, elastic=False)
+    at_fixation = Protocol(np.array([flexion_deg]), (), 0.0)
+    pulled = follow(plan, values, at_fixation, slopes=slopes, near=near, grid=grid)
+    grafts = plan.rows(plan.bundles)
+    length = pulled.length_mm[:, 0, grafts]
+    by_length = np.zeros((*length.shape, values.shape[1]))
+    if pulled.slopes is not None:
+        by_length = pulled.slopes["length_mm"][:, 0, grafts]
+    by_tension, bundle = np.zeros_like(by_length), np.arange(len(grafts))
+    by_tension[:, bundle, BUNDLE_NUMBERS * (1 + bundle)] = 1.0
+    stiffness = np.array(plan.stiffness_N)
+    slack, slope = map(np.asarray, _slack(length, tension_N, stiffness, by_length, by_tension))
+    return Fixed(slack, slope if slopes else None, pulled.status[:, 0], pulled.near)
+
+
+@jax.jit
+def _slack(length, tension_N, stiffness_N, *by):
+    """Slack lengths, and their derivatives from those of lengths and tensions by numbers."""
+
+    def law(length: Array, tension_N: Array) -> Array:
+        return slack_length(length, tension_N, stiffness_N)
+
+    return jax.vmap(lambda *by: jax.jvp(law, (length, tension_N), by), -1, (None, -1))(*by)
+
+
+def fixed_knee(
+    plan: Reconstruction, ends: ArrayLike, tension_N: ArrayLike, flexion_deg: ArrayLike
+) -> Knee:
+    """The reconstructed knee of one variant, as JAX sees it: differentiable by all arguments.
+
+    Args:
+        plan: the knee and its grafts.
+        ends: femoral and tibial, `(bundles, 6)`, mm.
+        tension_N: of each bundle, `(bundles,)`.
+        flexion_deg: at which the grafts are fixed.
+    """
+    ends, tension = jnp.asarray(ends, float), jnp.asarray(tension_N, float)
+    stiffness, nothing = jnp.array(plan.stiffness_N), jnp.zeros(len(plan.bundles))
+
+    def numbers(slack: Array, spring: Array, pull: Array) -> Array:
+        each = jnp.stack([slack, spring, pull], axis=1)
+        return jnp.concatenate([jnp.zeros(1), jnp.hstack([ends, each]).ravel()])
+
+    tight = plan.vary(plan.knee, numbers(nothing + 1.0, nothing, tension))
+    pose = passive_flexion(tight, jnp.atleast_1d(flexion_deg)).equilibrium.state
+    at_fixation = jax.tree.map(lambda x: x[0], pose)
+    length = tight.ligaments.length(at_fixation)[jnp.array(plan.vary.grafts)]
+    slack = slack_length(length, tension, stiffness)
+    return plan.vary(plan.knee, numbers(slack, stiffness, nothing))

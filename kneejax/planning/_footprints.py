@@ -147,12 +147,9 @@ class Footprint:
 
 
 def footprint_of(
-    knee: Knee,
-    ligament: str,
-    bone: str,
-    semi_axes_mm: tuple[float, float] | None = None,
+    knee: Knee, ligament: str, bone: str, semi_axes_mm: tuple[float, float] | None = None,
     surface: Surface | None = None,
-) -> Footprint:
+) -> Footprint:  # fmt: skip
     """The insertion of a knee's own ligament.
 
     Its plane is that of the two anatomical directions; where the ligament has four fibres or more

@@ -13,9 +13,18 @@ from collections.abc import Callable
 import numpy as np
 
 from kneejax.numerics import Named, imported
-from kneejax.planning._limits import TOLERANCE, bounds, criteria_names, criteria_of, excess, missed
 from kneejax.planning._optimum import STEP, Linear, spread_over
-from kneejax.planning._surgery import CHOICES, Outcome, Surgery
+from kneejax.planning._surgery import (
+    CHOICES,
+    TOLERANCE,
+    Outcome,
+    Surgery,
+    bounds,
+    criteria_names,
+    criteria_of,
+    excess,
+    missed,
+)
 from kneejax.statics import Progress
 
 #: Choices that live at a time, and how often they are renewed.
@@ -64,7 +73,8 @@ class Front(Named):
     def compromise(self) -> int:
         """Row of the choices that are nearest to the best of all criteria, each counted in parts
         of its extent."""
-        part = (self.criteria - self.criteria.min(axis=0)) / _extent(self.criteria)
+        extent = np.ptp(self.criteria, axis=0)
+        part = (self.criteria - self.criteria.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
         return int(np.argmin(np.sum(part**2, axis=1)))
 
 
@@ -85,16 +95,10 @@ def undominated(criteria: np.ndarray) -> np.ndarray:
 
 
 def pareto_front(
-    surgery: Surgery,
-    base: np.ndarray,
-    free: np.ndarray,
-    *,
-    known: np.ndarray | None = None,
-    population: int = POPULATION,
-    generations: int = GENERATIONS,
-    seed: int = 0,
+    surgery: Surgery, base: np.ndarray, free: np.ndarray, *, known: np.ndarray | None = None,
+    population: int = POPULATION, generations: int = GENERATIONS, seed: int = 0,
     progress: Progress | None = None,
-) -> Front:
+) -> Front:  # fmt: skip
     """Find the choices that keep all limits and are best in some balance of the criteria.
 
     Args:
@@ -143,33 +147,25 @@ def pareto_front(
     return Front(criteria_names(surgery), again.taken(best), criteria[best], before, done)
 
 
-def _extent(criteria: np.ndarray) -> np.ndarray:
-    """Of each criterion over the front; 1 where it has none."""
-    extent = np.ptp(criteria, axis=0)
-    return np.where(extent > 0.0, extent, 1.0)
-
-
 def _evolved(
     surgery: Surgery, begin: np.ndarray, free: np.ndarray, generations: int, seed: int,
     told: Callable[[Outcome], Outcome],
 ) -> np.ndarray:
     """Choices that keep the limits, none of which is better than another, by NSGA-III."""
-    nsga3 = imported("pymoo.algorithms.moo.nsga3", "pymoo", "planning")
-    problems = imported("pymoo.core.problem", "pymoo", "planning")
-    directions = imported("pymoo.util.ref_dirs", "pymoo", "planning")
-    static = imported("pymoo.problems.static", "pymoo", "planning")
-    evaluator = imported("pymoo.core.evaluator", "pymoo", "planning")
+    nsga3, problems, directions, static, evaluator = (
+        imported(f"pymoo.{part}", "pymoo", "planning")
+        for part in ("algorithms.moo.nsga3", "core.problem", "util.ref_dirs", "problems.static",
+                     "core.evaluator")
+    )  # fmt: skip
     count = len(surgery.protocol.lachman_deg) + 2
-    lower, upper = (x[free] for x in bounds(surgery, len(free)))
-    problem = problems.Problem(
-        n_var=int(free.sum()), n_obj=count, n_ieq_constr=1, xl=lower, xu=upper
-    )
+    lower, upper = (x[free] for x in bounds(surgery))
+    sizes = {"n_var": int(free.sum()), "n_obj": count, "n_ieq_constr": 1}
+    problem = problems.Problem(**sizes, xl=lower, xu=upper)
     search = nsga3.NSGA3(
         directions.get_reference_directions("energy", count, len(begin), seed=seed),
         pop_size=len(begin), sampling=np.clip(begin[:, free], lower, upper),
     )  # fmt: skip
     search.setup(problem, termination=("n_gen", generations), seed=seed, verbose=False)
-    living = begin.copy()
     while search.has_next():
         asked = search.ask()
         living = np.tile(begin[0], (len(begin), 1))
@@ -182,13 +178,11 @@ def _evolved(
         values = static.StaticProblem(problem, F=criteria, G=over[:, None])
         evaluator.Evaluator().eval(values, asked)
         search.tell(infills=asked)
-    best = search.pop
-    kept = best.get("G")[:, 0] <= 0.0
-    if not kept.any():
-        kept = best.get("G")[:, 0] == best.get("G").min()
+    over, best, criteria = (search.pop.get(x) for x in ("G", "X", "F"))
+    kept = over[:, 0] <= max(over.min(), 0.0)
     chosen = np.tile(begin[0], (int(kept.sum()), 1))
-    chosen[:, free] = best.get("X")[kept]
-    return chosen[undominated(best.get("F")[kept])]
+    chosen[:, free] = best[kept]
+    return chosen[undominated(criteria[kept])]
 
 
 def _polished(
@@ -208,11 +202,11 @@ def _polished(
             _step(surgery, one, free, extent, r) if r > _NOTHING else (0.0 * one.choices[0], 0.0)
             for one, r in zip(here, radius, strict=True)
         ]
-        promised = np.array([x for _, x in steps])
+        away, promised = map(np.array, zip(*steps, strict=True))
         radius[promised < _GAINED] = 0.0
         if not radius.any():
             break
-        away = np.stack([step for step, _ in steps]) * (radius > 0.0)[:, None]
+        away *= (radius > 0.0)[:, None]
         moved = np.vstack([one.choices for one in here]) + away
         there = told(surgery.try_out(moved, slopes=True, near=near))
         before = np.vstack([criteria_of(one) for one in here])
@@ -224,12 +218,9 @@ def _polished(
             here[row] = there.taken([row])
         for mine, theirs in zip(near, there.taken(taken).near or (), strict=True):
             mine.put(taken, theirs)
-        for row in np.flatnonzero(radius):
-            if gained[row] > _LONGER:
-                radius[row] = max(radius[row], 2.0 * size[row])
-            elif not gained[row] > _TAKEN:
-                radius[row] = 0.4 * size[row]
-            radius[row] *= radius[row] > _NOTHING
+        longer = np.where(gained > _LONGER, np.maximum(radius, 2.0 * size), radius)
+        radius = np.where(radius == 0.0, 0.0, np.where(gained > _TAKEN, longer, 0.4 * size))
+        radius[radius <= _NOTHING] = 0.0
     return np.vstack([one.choices for one in here])
 
 
@@ -249,7 +240,7 @@ def _step(
     """The step that betters all criteria most by their linear models, `(choices,)`, and what it
     promises, see `_gain`."""
     assert outcome.slopes is not None
-    model = Linear.of(surgery, outcome, free)
+    model = Linear(surgery, outcome, free)
     laxity, graft = (
         outcome.slopes[name][0].reshape(-1, len(free))[:, free] * model.scale
         for name in ("laxity_mm", "graft_N")
@@ -265,16 +256,12 @@ def _step(
             full[:, first:last] = 0.0 if block is None else block
         return full
 
-    by_gain = np.diag(extent)
+    by_gain, offsets = np.diag(extent), -np.eye(count)
     above = np.vstack([
-        rows(laxity, None, by_gain[:tests]),
-        rows(graft, None, by_gain[-2]),
-        rows(None, 1.0, by_gain[-1:]),
-        rows(model.by, -np.eye(count)),
-        rows(-model.by, -np.eye(count)),
+        rows(laxity, None, by_gain[:tests]), rows(graft, None, by_gain[-2]),
+        rows(None, 1.0, by_gain[-1:]), rows(model.by, offsets), rows(-model.by, offsets),
         rows(None, None, -np.eye(criteria)[extent > 0.0], 1.0),
-        rows(-model.room_by),
-        rows(model.sides),
+        rows(-model.room_by), rows(model.sides),
     ])  # fmt: skip
     limits = np.r_[
         np.zeros(tests), -slack, outcome.total[0], -model.offset, model.offset,

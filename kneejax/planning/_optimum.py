@@ -8,16 +8,18 @@ import numpy as np
 from scipy.optimize import linprog
 
 from kneejax.planning._footprints import offsets
-from kneejax.planning._limits import (
+from kneejax.planning._surgery import (
+    CHOICES,
     TOLERANCE,
+    Near,
+    Outcome,
+    Surgery,
     bounds,
     limits_room,
     missed,
     polygons,
     ranked,
-    room_slopes,
 )
-from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
 from kneejax.statics import converged
 
 #: Evaluations in all, and how many starts are looked at before the best of them are followed.
@@ -65,14 +67,9 @@ class Optimum:
 
 
 def optimise(
-    surgery: Surgery,
-    base: np.ndarray,
-    free: np.ndarray,
-    *,
-    most: int = MOST_EVALUATIONS,
-    starts: int = STARTS,
-    seed: int = 0,
-) -> Optimum:
+    surgery: Surgery, base: np.ndarray, free: np.ndarray, *, most: int = MOST_EVALUATIONS,
+    starts: int = STARTS, seed: int = 0,
+) -> Optimum:  # fmt: skip
     """Find the choices whose strain curves are nearest to the intact knee's.
 
     Args:
@@ -104,17 +101,15 @@ def optimise(
         if search.left:
             search.follow(lasts[row], search.left, 0.0)
     best = search.best()
-    return Optimum(
-        best, bool(missed(surgery, best)[0] <= TOLERANCE), float(missed(surgery, best)[0]),
-        search.count, begin, first.total, followed, ends,
-    )  # fmt: skip
+    far = float(missed(surgery, best)[0])
+    return Optimum(best, far <= TOLERANCE, far, search.count, begin, first.total, followed, ends)
 
 
 def spread_over(
     surgery: Surgery, base: np.ndarray, free: np.ndarray, count: int, seed: int
 ) -> np.ndarray:
     """Choices over the footprints and the tensions, the base first."""
-    lower, upper = bounds(surgery, len(base))
+    lower, upper = bounds(surgery)
     draw = np.random.default_rng(seed)
     # A Latin hypercube: of each choice every part of its range once.
     parts = draw.permuted(np.tile(np.arange(count), (len(base), 1)), axis=1).T
@@ -127,41 +122,31 @@ def spread_over(
     return spread
 
 
-@dataclasses.dataclass(frozen=True)
 class Linear:
-    """What one variant does as a linear model of a step of its free choices, in units of `STEP`.
+    """What one variant, an outcome with derivatives, does as a linear model of a step of its free
+    choices, in units of `STEP`.
 
     Its strain distance has corners where curves cross, and its limits have others, so the best step
-    is a linear programme.
+    is a linear programme. `by` and `room_by` are the derivatives of `offset`, of all strain curves
+    along their alignments, and of `room`, of graft forces and laxity; polygons stand for the
+    footprints, `sides @ step <= inside`.
     """
 
-    free: np.ndarray
-    scale: np.ndarray
-    offset: np.ndarray  # of all strain curves along their alignments, `(pairs,)`
-    by: np.ndarray  # its derivative, `(pairs, free)`
-    room: np.ndarray  # of graft forces and laxity, `(limits,)`
-    room_by: np.ndarray
-    sides: np.ndarray  # of polygons for the footprints: `sides @ step <= inside`
-    inside: np.ndarray
-    ends: tuple[np.ndarray, np.ndarray]  # the smallest and the largest step
-
-    @classmethod
-    def of(cls, surgery: Surgery, outcome: Outcome, free: np.ndarray) -> Linear:
-        """Of an outcome with derivatives."""
+    def __init__(self, surgery: Surgery, outcome: Outcome, free: np.ndarray):
         assert outcome.slopes is not None
-        here, scale = outcome.choices[0], np.tile(STEP, len(free) // len(CHOICES))[free]
-        strain = surgery.strain(outcome.followed)[0]
-        by_strain = outcome.slopes["strain"][0]
-        offset, by = offsets(strain, by_strain, surgery.intact_strain, surgery.window)
-        sides, inside = polygons(surgery, len(free))
-        by, room_by, along = (
-            x[:, free] * scale for x in (by, room_slopes(surgery, outcome), sides)
+        here, limits = outcome.choices[0], surgery.limits
+        self.free, self.scale = free, np.tile(STEP, len(free) // len(CHOICES))[free]
+        strain, by_strain = surgery.strain(outcome.followed)[0], outcome.slopes["strain"][0]
+        self.offset, by = offsets(strain, by_strain, surgery.intact_strain, surgery.window)
+        sides, inside = polygons(surgery)
+        graft = outcome.slopes["graft_N"][0].reshape(-1, len(free)) / limits.graft_N
+        off = outcome.slopes["laxity_mm"][0] / limits.band_mm
+        self.by, self.room_by, self.sides = (
+            x[:, free] * self.scale for x in (by, np.vstack([-graft, -off, off]), sides)
         )
-        lower, upper = ((x - here)[free] / scale for x in bounds(surgery, len(free)))
-        return cls(
-            free, scale, offset, by, limits_room(surgery, outcome)[0], room_by, along,
-            np.maximum(inside - sides @ here, 0.0), (lower, upper),
-        )  # fmt: skip
+        self.room = limits_room(surgery, outcome)[0]
+        self.inside = np.maximum(inside - sides @ here, 0.0)
+        self.ends = [(x - here)[free] / self.scale for x in bounds(surgery)]
 
     def best_step(
         self, radius: float, costs: np.ndarray, above: np.ndarray, limits: np.ndarray, more: list
@@ -193,9 +178,9 @@ class _Search:
 
     def note(self, outcome: Outcome) -> None:
         """Keep the outcomes of some choices, one by one."""
-        for row in range(len(outcome.choices)):
-            self.known[outcome.choices[row].tobytes()] = outcome.taken([row])
-            self.count += 1
+        for row, choices in enumerate(outcome.choices):
+            self.known[choices.tobytes()] = outcome.taken([row])
+        self.count += len(outcome.choices)
 
     def at(self, choices: np.ndarray) -> Outcome:
         """The outcome of some choices."""
@@ -251,7 +236,7 @@ class _Search:
 
     def _step(self, outcome: Outcome, radius: float) -> tuple[np.ndarray, float]:
         """The best step of the linear model `(choices,)`, and how much it promises."""
-        model = Linear.of(self.surgery, outcome, self.free)
+        model = Linear(self.surgery, outcome, self.free)
         (rows, _), room = model.by.shape, len(model.room)
         above = np.block([
             [model.by, -np.eye(rows), np.zeros((rows, 1))],
@@ -266,13 +251,11 @@ class _Search:
 
     def best(self) -> Outcome:
         """The best of all that is known, found again by the way that a test takes."""
-        every = list(self.known.values())
-        far = np.array([missed(self.surgery, one)[0] for one in every])
-        total = np.array([one.total[0] for one in every])
+        every = [*self.known.values()]
+        far, total = np.array([(missed(self.surgery, x)[0], x.total[0]) for x in every]).T
         for row in ranked(far, total)[:_FOUND_AGAIN]:
             again = self.surgery.try_out(every[row].choices, slopes=True)
-            same = np.allclose(again.followed.anterior_mm, every[row].followed.anterior_mm,
-                               atol=1e-4, equal_nan=True)  # fmt: skip
-            if same:
+            own, its = every[row].followed.anterior_mm, again.followed.anterior_mm
+            if np.allclose(its, own, atol=1e-4, equal_nan=True):
                 return again
         return again  # pyright: ignore[reportPossiblyUnboundVariable]

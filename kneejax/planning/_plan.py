@@ -14,17 +14,16 @@ from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named
 from kneejax.parameters import UnsuitableData
+from kneejax.planning._followed import fix
 from kneejax.planning._footprints import octagon
 from kneejax.planning._front import GENERATIONS, Front, pareto_front
-from kneejax.planning._limits import Intervals, intervals
-from kneejax.planning._maps import Tolerance, TunnelMap, tolerances, tunnel_map
+from kneejax.planning._map import Intervals, Tolerance, TunnelMap, intervals, tolerances, tunnel_map
 from kneejax.planning._optimum import MOST_EVALUATIONS, STARTS, Optimum, optimise
-from kneejax.planning._pretension import fix
 from kneejax.planning._reconstruction import GraftType
-from kneejax.planning._surgery import CHOICES, Outcome, Surgery
+from kneejax.planning._surgery import CHOICES, TUNNELS, Outcome, Surgery
 
 #: What an optimum may change: name -> columns of a bundle's choices.
-FREE = {TIBIA: (0, 1), FEMUR: (2, 3), "tension": (4,)}
+FREE = TUNNELS | {"tension": [4]}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,8 +78,7 @@ class AclPlan:
     def free_choices(self) -> np.ndarray:
         """Which choices are free, `(choices,)`."""
         columns = [column for name in self.free for column in FREE[name]]
-        one = np.isin(np.arange(len(CHOICES)), columns)
-        return np.tile(one, len(self.surgery.plan.bundles))
+        return np.tile(np.isin(range(len(CHOICES)), columns), len(self.surgery.plan.bundles))
 
     @property
     def corners(self) -> np.ndarray:
@@ -206,15 +204,15 @@ class PlanResult(Named):
             for name, (over, _, unit) in each[0].items()
         }
         count = [len(part.choices) for part in parts.values()]
-        surgery = self.plan.surgery
+        surgery, through = self.plan.surgery, self.plan.surgery.protocol
         return whole | {
             "variant": ("variant", np.repeat([*parts], count)),
             "ligament": ("ligament", surgery.ligaments),
             "bundle": ("bundle", surgery.plan.bundles),
             "choice": ("choice", [f"{x} {y}" for x in surgery.plan.bundles for y in CHOICES]),
-            "test": ("test", surgery.protocol.lachman_deg, "deg"),
-            "load_case_flexion_deg": ("load_case", surgery.protocol.flexion_deg),
-            "load_case_anterior_N": ("load_case", surgery.protocol.force),
+            "test": ("test", through.lachman_deg, "deg"),
+            "load_case_flexion_deg": ("load_case", through.flexion_deg),
+            "load_case_anterior_N": ("load_case", through.force),
         }
 
     @property
@@ -269,23 +267,22 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
     tensions = np.linspace(*surgery.limits.tension_N, _TENSIONS)
     tightened[:, len(CHOICES) - 1 :: len(CHOICES)] = tensions[:, None]
     by_tension = timed("tension", lambda: surgery.try_out(tightened))
-    optimum = None
+    best, done = planned, {"planned": plan.base}
+    optimum = front = left_open = None
     if plan.free:
         optimum = timed("optimum", lambda: optimise(
             surgery, plan.base, plan.free_choices, most=plan.evaluations, starts=plan.starts,
         ))  # fmt: skip
-    best = planned if optimum is None else optimum.outcome
+        best = optimum.outcome
+        done["optimum"] = best.choices[0]
     allowed = timed("tolerance", lambda: tolerances(surgery, best))
-    done = {"planned": plan.base} | ({} if optimum is None else {"optimum": best.choices[0]})
-    front = None
     if plan.population and plan.free:
         front = timed("front", lambda: pareto_front(
-            surgery, plan.base, plan.free_choices, known=best.choices if optimum else None,
-            population=plan.population, generations=plan.generations,
-            progress=partial(show, "front")))  # fmt: skip
-    open_ = None
+            surgery, plan.base, plan.free_choices, known=best.choices, population=plan.population,
+            generations=plan.generations, progress=partial(show, "front"),
+        ))  # fmt: skip
     if plan.drawn:
-        open_ = timed("intervals", lambda: intervals(surgery, plan.drawn, done))
+        left_open = timed("intervals", lambda: intervals(surgery, plan.drawn, done))
     maps = []
     for bone in (TIBIA, FEMUR) if plan.map_points else ():
         half, stage = plan.map_half_mm[bone], f"map of the {bone}"
@@ -293,5 +290,5 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
         moved = partial(tunnel_map, surgery, plan.base, bone, along, along)
         maps.append(timed(stage, partial(moved, progress=partial(show, stage))))
     return PlanResult(
-        plan, planned, around, by_tension, tuple(maps), optimum, front, open_, allowed, seconds
+        plan, planned, around, by_tension, tuple(maps), optimum, front, left_open, allowed, seconds
     )

@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,27 +33,14 @@ TRANSITION_STRAIN = 0.06
 TRANSITION_WIDTH = 0.0001
 
 
-@dataclasses.dataclass(frozen=True)
-class GraftType:
-    """A kind of graft.
+class GraftType(NamedTuple):
+    """A kind of graft."""
 
-    Attributes:
-        name: in plans and tables.
-        says: what it is, in a phrase.
-        stiffness_N_per_mm: of the whole graft.
-        failure_N: load at which it failed.
-        source: who measured both.
-
-    Example:
-        >>> GRAFTS["hamstring"].stiffness_N
-        7140.0
-    """
-
-    name: str
-    says: str
-    stiffness_N_per_mm: float
-    failure_N: float
-    source: str
+    name: str  # in plans and tables
+    says: str  # what it is, in a phrase
+    stiffness_N_per_mm: float  # of the whole graft
+    failure_N: float  # load at which it failed
+    source: str  # who measured both
 
     @property
     def stiffness_N(self) -> float:
@@ -96,16 +83,11 @@ class Operated:
     A value is `1 + 9 x bundles` numbers: whether the torn ligament acts (1) or not (0), then of
     each bundle its femoral and its tibial end (3 each, mm), slack length (mm), stiffness (N per
     unit strain) and given tension (N).
-
-    Attributes:
-        torn: rows of the ligament's own fibres.
-        grafts: rows of the grafts among the ligaments.
-        pulls: rows of the grafts among the muscles.
     """
 
-    torn: tuple[int, ...]
-    grafts: tuple[int, ...]
-    pulls: tuple[int, ...]
+    torn: tuple[int, ...]  # rows of the ligament's own fibres
+    grafts: tuple[int, ...]  # rows of the grafts among the ligaments
+    pulls: tuple[int, ...]  # and among the muscles
 
     def __call__(self, knee: Knee, value: Any) -> Knee:
         """The knee with these numbers."""
@@ -124,24 +106,16 @@ class Operated:
             lambda x: (x.femoral_attachment, x.tibial_attachment, x.slack_length, x.stiffness,
                        x.failure_strain),
             own,
-            (
-                put(own.femoral_attachment, bundle[:, :3]),
-                put(own.tibial_attachment, bundle[:, 3:6]),
-                put(own.slack_length, slack),
-                put(acts, stiffness),
-                put(tears, idle),
-            ),
+            (put(own.femoral_attachment, bundle[:, :3]), put(own.tibial_attachment, bundle[:, 3:6]),
+             put(own.slack_length, slack), put(acts, stiffness), put(tears, idle)),
         )  # fmt: skip
         put = functools.partial(_put, self.pulls)
         muscles = eqx.tree_at(
             lambda x: (x.femoral_attachment, x.tibial_attachment, x.tension),
             pulls,
-            (
-                put(pulls.femoral_attachment, bundle[:, :3]),
-                put(pulls.tibial_attachment, bundle[:, 3:6]),
-                put(pulls.tension, tension),
-            ),
-        )
+            (put(pulls.femoral_attachment, bundle[:, :3]),
+             put(pulls.tibial_attachment, bundle[:, 3:6]), put(pulls.tension, tension)),
+        )  # fmt: skip
         return dataclasses.replace(knee, ligaments=ligaments, muscles=muscles)
 
 
@@ -204,23 +178,16 @@ class Reconstruction:
         Returns:
             `(variants, numbers)`.
         """  # fmt: skip
-        shape = ends.shape[:2]
-        bundles = np.concatenate(
-            [ends, *(np.broadcast_to(x, shape)[..., None] for x in (
-                slack_mm, np.array(self.stiffness_N) if elastic else 0.0, tension_N))],
-            axis=-1,
-        )  # fmt: skip
-        acts = np.full((shape[0], 1), 0.0 if torn else 1.0)
-        return np.hstack([acts, bundles.reshape(shape[0], -1)])
+        shape, springs = ends.shape[:2], np.array(self.stiffness_N) if elastic else 0.0
+        each = (np.broadcast_to(x, shape)[..., None] for x in (slack_mm, springs, tension_N))
+        bundles = np.concatenate([ends, *each], axis=-1).reshape(shape[0], -1)
+        return np.hstack([np.full((shape[0], 1), 0.0 if torn else 1.0), bundles])
 
 
 def reconstruction_of(
-    knee: Knee,
-    ligament: str = "ACL",
-    bundles: int = 1,
-    stiffness_N: float = 7140.0,
+    knee: Knee, ligament: str = "ACL", bundles: int = 1, stiffness_N: float = 7140.0,
     failure_N: float = 2422.0,
-) -> Reconstruction:
+) -> Reconstruction:  # fmt: skip
     """Put grafts in the place of a ligament; several share stiffness and strength evenly.
 
     Args:
@@ -264,16 +231,9 @@ def reconstruction_of(
     if knee.muscles is not None:
         pulls, pulled = knee.muscles.with_more(pulls), len(knee.muscles.names)
     groups = (*knee.groups, ("graft", names)) if bundles > 1 else knee.groups
+    grafts, lines = range(first, first + bundles), range(pulled, pulled + bundles)
     return Reconstruction(
         dataclasses.replace(knee, ligaments=with_grafts, muscles=pulls, groups=groups),
-        Operated(
-            tuple(rows),
-            tuple(range(first, first + bundles)),
-            tuple(range(pulled, pulled + bundles)),
-        ),
-        ligament,
-        tuple(own.names[row] for row in rows),
-        names,
-        (stiffness,) * bundles,
-        (failure,) * bundles,
-    )
+        Operated(tuple(rows), tuple(grafts), tuple(lines)), ligament,
+        tuple(own.names[row] for row in rows), names, (stiffness,) * bundles, (failure,) * bundles,
+    )  # fmt: skip

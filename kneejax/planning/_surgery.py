@@ -1,4 +1,4 @@
-"""A planned reconstruction, and what a choice of tunnels and tension does to the knee."""
+"""A planned reconstruction, what a choice of tunnels and tension does to the knee, and limits."""
 
 from __future__ import annotations
 
@@ -11,16 +11,21 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.numerics import Named
-from kneejax.planning._followed import Followed, Protocol, follow
+from kneejax.planning._followed import Fixed, Followed, Protocol, fix, follow
 from kneejax.planning._footprints import Footprint, offsets, warped_distances
-from kneejax.planning._pretension import Fixed, fix
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
 from kneejax.statics import Progress, Slopes, Status, converged
 
 #: Choices of a bundle, in this order; lengths in mm from the middle of the footprint, tension in N.
 CHOICES = ("tibia_first", "tibia_second", "femur_first", "femur_second", "tension")
+#: Bone -> which of them place the tunnel there.
+TUNNELS = {TIBIA: [0, 1], FEMUR: [2, 3]}
 
 _ANY_LENGTH_MM = 1000.0
+#: By how much a constraint may be missed, as a part of its limit.
+TOLERANCE = 1e-4
+#: Of the polygons that stand for ellipses: within 0.001 of them.
+_SIDES = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,23 +184,18 @@ class Surgery:
             four coordinates, `(v, bundles, 6, 4)`.
         """
         each = choices.reshape(-1, len(CHOICES))
-        tibial, by_tibia = self.tibia.place(each[:, 0:2])
-        femoral, by_femur = self.femur.place(each[:, 2:4])
+        tibial, by_tibia = self.tibia.place(each[:, TUNNELS[TIBIA]])
+        femoral, by_femur = self.femur.place(each[:, TUNNELS[FEMUR]])
         slope = np.zeros((len(each), 6, 4))
         slope[:, :3, 2:], slope[:, 3:, :2] = by_femur, by_tibia
         shape = len(choices), len(self.plan.bundles)
         return np.hstack([femoral, tibial]).reshape(*shape, 6), slope.reshape(*shape, 6, 4)
 
     def try_out(
-        self,
-        choices: np.ndarray,
-        *,
-        slopes: bool = False,
-        near: Near | None = None,
-        grid: tuple[int, int] | None = None,
-        progress: Progress | None = None,
+        self, choices: np.ndarray, *, slopes: bool = False, near: Near | None = None,
+        grid: tuple[int, int] | None = None, progress: Progress | None = None,
         slack_mm: np.ndarray | None = None,
-    ) -> Outcome:
+    ) -> Outcome:  # fmt: skip
         """Fix grafts and put the knees through the protocol.
 
         Args:
@@ -234,22 +234,34 @@ class Surgery:
         # Where a Lachman test gives way, the motion stands all the same.
         moves = np.array(converged(followed.status[:, motion].max(axis=1)))
         distance[~moves | np.isnan(counts[:, 0])] = np.nan
-        by, found_near = None, None
+        by = found_near = None
         if slopes:
             assert fixed.slope is not None and fixed.near is not None and followed.near is not None
-            by = self._slopes(followed, _by_choices(ends_slope, fixed.slope))
+            by = self._slopes(followed, ends_slope, fixed.slope)
             found_near = Near(fixed.near, followed.near)
         return Outcome(
             choices, fixed.slack_mm, distance, self.laxity(followed) * counts,
             followed.tension_N[..., grafts] * counts[..., None],
-            (length.max(axis=1) - length.min(axis=1)) * counts,
-            np.maximum(fixed.status, followed.status.max(axis=1)), followed, by, found_near,
+            np.ptp(length, axis=1) * counts, np.maximum(fixed.status, followed.status.max(axis=1)),
+            followed, by, found_near,
         )  # fmt: skip
 
-    def _slopes(self, followed: Followed, turn: np.ndarray) -> dict[str, np.ndarray]:
-        """Derivatives by the choices; `turn` is that of the numbers, `(v, numbers, choices)`."""
-        by = followed.slopes
+    def _slopes(
+        self, followed: Followed, ends_slope: np.ndarray, slack_slope: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Derivatives by the choices, from those of each bundle's ends by its coordinates,
+        `(v, bundles, 6, 4)`, and of the slack lengths by the numbers of the knee under tension,
+        `(v, bundles, numbers)`."""
+        by, (count, bundles) = followed.slopes, ends_slope.shape[:2]
         assert by is not None
+        # Of a fixed knee's numbers by the choices, and of those of the knee under tension.
+        turn = np.zeros((count, slack_slope.shape[-1], len(CHOICES) * bundles))
+        pulling = np.zeros_like(turn)
+        for k in range(bundles):
+            row, column = 1 + BUNDLE_NUMBERS * k, len(CHOICES) * k
+            turn[:, row : row + 6, column : column + 4] = ends_slope[:, k]
+            pulling[:, row + 8, column + 4] = 1.0
+        turn[:, 7::BUNDLE_NUMBERS] = slack_slope @ (turn + pulling)
         grafts, rows = self.plan.rows(self.plan.bundles), self.plan.rows(self.ligaments)
         strain = self.strain(followed)
         by_strain = by["strain"][:, self.protocol.motion][:, :, rows] @ turn[:, None]
@@ -259,27 +271,84 @@ class Surgery:
             total[v] = np.sign(offset) @ by_offset
         begin, end = self.protocol.ends_of_tests
         drawn = by["anterior_mm"][:, end, 0] - by["anterior_mm"][:, begin, 0]
-        return {
-            "total": total,
-            "strain": by_strain,
-            "laxity_mm": drawn @ turn,
-            "graft_N": by["tension_N"][:, :, grafts] @ turn[:, None],
-        }
+        pull = by["tension_N"][:, :, grafts] @ turn[:, None]
+        return {"total": total, "strain": by_strain, "laxity_mm": drawn @ turn, "graft_N": pull}
 
 
-def _by_choices(ends_slope: np.ndarray, slack_slope: np.ndarray) -> np.ndarray:
-    """Derivative of a fixed knee's numbers by the choices, `(v, numbers, choices)`, from those of
-    each bundle's ends by its coordinates, `(v, bundles, 6, 4)`, and of the slack lengths by the
-    numbers of the knee under tension, `(v, bundles, numbers)`."""
-    count, bundles = ends_slope.shape[:2]
-    numbers, choices = 1 + BUNDLE_NUMBERS * bundles, len(CHOICES) * bundles
-    ends = np.zeros((count, numbers, choices))
-    pulling = np.zeros_like(ends)
-    for k in range(bundles):
-        row, column = 1 + BUNDLE_NUMBERS * k, len(CHOICES) * k
-        ends[:, row : row + 6, column : column + 4] = ends_slope[:, k]
-        pulling[:, row + 8, column + 4] = 1.0
-    slack = slack_slope @ (ends + pulling)
-    for k in range(bundles):
-        ends[:, 1 + BUNDLE_NUMBERS * k + 6] = slack[:, k]
-    return ends
+def missed(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """By how much each variant misses its worst limit, as a part of that, `(v,)`.
+
+    Args:
+        surgery: with its limits.
+        outcome: of any choices.
+
+    Returns:
+        0 where all limits are kept; infinite where the knee has no balance somewhere.
+    """
+    return np.maximum(excess(surgery, outcome), 0.0)
+
+
+def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """As `missed`, but negative where all limits are kept: by how much there is room, `(v,)`."""
+    each = outcome.choices.reshape(len(outcome.choices), -1, len(CHOICES))
+    inside = (
+        1.0 - surgery.footprint(bone).outside(each[..., own]) ** 2 for bone, own in TUNNELS.items()
+    )
+    worst = -np.hstack([*inside, limits_room(surgery, outcome)]).min(axis=1)
+    known = np.isfinite(outcome.total) & converged(outcome.status) & np.isfinite(worst)
+    return np.where(known, worst, np.inf)
+
+
+def criteria_names(surgery: Surgery) -> tuple[str, ...]:
+    """Of the criteria of `criteria_of`."""
+    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
+    return *tests, "graft_peak_N", "strain_distance"
+
+
+def criteria_of(outcome: Outcome) -> np.ndarray:
+    """What is to be small, `(v, criteria)`: laxity at each test, mm, largest graft force, N, and
+    strain distance."""
+    return np.column_stack([outcome.laxity_mm, outcome.peak_N, outcome.total])
+
+
+def best_of(surgery: Surgery, outcome: Outcome) -> int:
+    """The variant of the least strain distance among those that keep all limits; where none does,
+    the one that misses them least."""
+    return int(ranked(missed(surgery, outcome), outcome.total)[0])
+
+
+def ranked(far: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Rows of variants, the best first as `best_of` has it, by `missed` and strain distance."""
+    kept = far <= TOLERANCE
+    return np.argsort(np.where(kept, total, np.inf) if kept.any() else far, kind="stable")
+
+
+def bounds(surgery: Surgery) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest of each choice."""
+    wide = np.r_[surgery.tibia.semi_axes_mm, surgery.femur.semi_axes_mm]
+    (low, high), bundles = surgery.limits.tension_N, len(surgery.plan.bundles)
+    return np.tile(np.r_[-wide, low], bundles), np.tile(np.r_[wide, high], bundles)
+
+
+def limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
+    """What is left of the limits of graft forces and laxity, as a part of each, `(v, limits)`:
+    negative where it is missed."""
+    count, limits = len(outcome.choices), surgery.limits
+    graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
+    off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm
+    return np.hstack([graft, 1.0 - off, 1.0 + off])
+
+
+def polygons(surgery: Surgery) -> tuple[np.ndarray, np.ndarray]:
+    """The footprints as polygons within their ellipses, `sides @ choices <= inside`: a limit that
+    is curved would be missed a little by every step of a linear model along it."""
+    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    bundles = len(surgery.plan.bundles)
+    sides = np.zeros((bundles, 2, _SIDES, bundles, len(CHOICES)))
+    for bundle in range(bundles):
+        for k, (bone, own) in enumerate(TUNNELS.items()):
+            axes = np.array(surgery.footprint(bone).semi_axes_mm)
+            sides[bundle, k, :, bundle][:, own] = normals / axes
+    sides = sides.reshape(-1, bundles * len(CHOICES))
+    return sides, np.full(len(sides), np.cos(np.pi / _SIDES))

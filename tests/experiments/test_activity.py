@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import TENDON, _instants, activity, cycle_of
+from kneejax.experiments import TENDON, _activity, activity, cycle_of
 from kneejax.experiments._activity import muscles_over
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
@@ -164,7 +164,7 @@ def all_lost(status):
     """A walk that leads nowhere."""
 
     def walk(*arguments):
-        found = _instants_walk(*arguments)
+        found = _own_walk(*arguments)
         found.q[...] = np.nan
         found.status[...] = int(status)
         return found
@@ -172,13 +172,13 @@ def all_lost(status):
     return walk
 
 
-_instants_walk = _instants.balance_one
+_own_walk = _activity.balance_one
 
 
 @pytest.mark.parametrize("status", [Status.NOT_CONVERGED, Status.GIVES_WAY])
 def test_what_no_walk_finds_is_sought_where_another_knee_is(knee, pressed, status, monkeypatch):
     """But where a knee gives way, no other knee says otherwise."""
-    monkeypatch.setattr(_instants, "balance_one", all_lost(status))
+    monkeypatch.setattr(_activity, "balance_one", all_lost(status))
     assert not activity(knee, pressed.record).holds.any()
     found = activity(knee, pressed.record, near=pressed)
     assert found.holds.all() == (status == Status.NOT_CONVERGED) == found.holds.any()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import _instants, activity, lab_tests, load_curves, second_balances
+from kneejax.experiments import _activity, activity, lab_tests, load_curves, second_balances
 from kneejax.experiments import _motion as second
 from kneejax.experiments._branches import SecondBalances, changed_in_steps
 from kneejax.geometry import FREE_COORDINATES
@@ -109,8 +109,8 @@ def test_the_balance_on_the_path_from_the_unloaded_knee_is_reported(two_wells, k
         begin = guessed(np.sign(force))
         return near(knee, None, None, at, begin["q"][None], begin["contact_points"][None])
 
-    monkeypatch.setattr(_instants, "balance_one", one)
-    found, beside = _instants.Instants.of(knee, load_cases(load))
+    monkeypatch.setattr(_activity, "balance_one", one)
+    found, beside = _activity.Instants.of(knee, load_cases(load))
     x, other = found.nodes["q"][:, ANTERIOR], beside.found["q"][:, ANTERIOR]
     assert np.sign(x).tolist() == np.sign(load).tolist()
     assert np.sign(other).tolist() == (-np.sign(load)).tolist()

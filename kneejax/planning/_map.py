@@ -1,18 +1,27 @@
-"""Maps of tunnel positions, and how far a tunnel may be off."""
+"""How exact to be: maps of tunnel positions, how far a tunnel may be off, and uncertain knees."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.geometry import FEMUR, TIBIA
+from kneejax.mechanics import Knee
 from kneejax.numerics import Named
-from kneejax.planning._limits import excess
-from kneejax.planning._surgery import CHOICES, Outcome, Surgery
-from kneejax.statics import Progress
+from kneejax.planning._reconstruction import reconstruction_of
+from kneejax.planning._surgery import (
+    CHOICES,
+    TUNNELS,
+    Outcome,
+    Surgery,
+    criteria_names,
+    criteria_of,
+    excess,
+    missed,
+)
+from kneejax.statics import Progress, Status, converged
 
 #: Steps by which the distance is mended, and where it is near enough, mm.
 _STEPS, _NEAR_ENOUGH_MM = 6, 0.01
@@ -22,30 +31,17 @@ _FARTHEST_MM = 10.0
 _NEAR_MM = 3.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Tolerance:
-    """The way in which a tunnel may be off least.
-
-    Attributes:
-        bone: of the tunnel.
-        bundle: likewise.
-        lachman_deg: of the test whose laxity leaves the band first.
-        direction: `(2,)`, unit vector in the footprint's coordinates.
-        expected_mm: distance to the edge by the derivative.
-        found_mm: distance at which the laxity is at the edge of the band, evaluated there; NaN
-            where it is still inside `checked_mm` away.
-        checked_mm: the farthest distance that was evaluated.
-        slope: change of the laxity per mm, mm.
-    """
+class Tolerance(NamedTuple):
+    """The way in which a tunnel may be off least."""
 
     bone: str
     bundle: str
-    lachman_deg: float
-    direction: np.ndarray
-    expected_mm: float
-    found_mm: float
-    checked_mm: float
-    slope: float
+    lachman_deg: float  # of the test whose laxity leaves the band first
+    direction: np.ndarray  # `(2,)`, unit vector in the footprint's coordinates
+    expected_mm: float  # distance to the edge by the derivative
+    found_mm: float  # at which the laxity is at the edge, evaluated there; NaN where still inside
+    checked_mm: float  # the farthest distance that was evaluated
+    slope: float  # change of the laxity per mm, mm
 
 
 def tolerances(surgery: Surgery, outcome: Outcome) -> tuple[Tolerance, ...]:
@@ -64,13 +60,13 @@ def tolerances(surgery: Surgery, outcome: Outcome) -> tuple[Tolerance, ...]:
     off, slopes = outcome.laxity_mm[0] - own, outcome.slopes["laxity_mm"][0]
     found = []
     for bundle, name in enumerate(surgery.plan.bundles):
-        for bone, first in ((TIBIA, 0), (FEMUR, 2)):
-            columns = len(CHOICES) * bundle + first + np.arange(2)
+        for bone, place in TUNNELS.items():
+            columns = len(CHOICES) * bundle + np.array(place)
             by = slopes[:, columns]
             steep = np.linalg.norm(by, axis=1)
             with np.errstate(divide="ignore", invalid="ignore"):
                 # Both edges of the band: the laxity may grow or shrink.
-                ways = np.stack([(band - off) / steep, (band + off) / steep], axis=1)
+                ways = np.stack([band - off, band + off], axis=1) / steep[:, None]
             ways = np.where(np.isfinite(ways), np.maximum(ways, 0.0), np.inf)
             test, edge = np.unravel_index(np.argmin(ways), ways.shape)
             sign = 1.0 if edge == 0 else -1.0
@@ -81,16 +77,12 @@ def tolerances(surgery: Surgery, outcome: Outcome) -> tuple[Tolerance, ...]:
             def outside(one: Outcome, test=test, sign=sign) -> float:
                 return sign * (one.laxity_mm[0, test] - own[test]) - band
 
-            expected = float(ways[test, edge])
-            reached, checked = _to_edge(
-                surgery, outcome, away, outside, expected, float(steep[test])
-            )
-            found.append(
-                Tolerance(
-                    bone, name, surgery.protocol.lachman_deg[test], direction, expected, reached,
-                    checked, float(steep[test]),
-                )
-            )  # fmt: skip
+            expected, slope = float(ways[test, edge]), float(steep[test])
+            reached, checked = _to_edge(surgery, outcome, away, outside, expected, slope)
+            found.append(Tolerance(
+                bone, name, surgery.protocol.lachman_deg[test], direction, expected, reached,
+                checked, slope,
+            ))  # fmt: skip
     return tuple(found)
 
 
@@ -185,15 +177,9 @@ class TunnelMap(Named):
 
 
 def tunnel_map(
-    surgery: Surgery,
-    base: np.ndarray,
-    bone: str,
-    first: np.ndarray,
-    second: np.ndarray,
-    *,
-    bundle: int = 0,
-    progress: Progress | None = None,
-) -> TunnelMap:
+    surgery: Surgery, base: np.ndarray, bone: str, first: np.ndarray, second: np.ndarray, *,
+    bundle: int = 0, progress: Progress | None = None,
+) -> TunnelMap:  # fmt: skip
     """Move a tunnel over a grid.
 
     Args:
@@ -205,16 +191,15 @@ def tunnel_map(
         bundle: whose tunnel.
         progress: called now and then with balances done and asked for.
     """
-    column = len(CHOICES) * bundle + (0 if bone == TIBIA else 2)
+    columns = len(CHOICES) * bundle + np.array(TUNNELS[bone])
     grid = np.tile(np.asarray(base, float), (len(second), len(first), 1))
-    grid[..., column], grid[..., column + 1] = first, second[:, None]
-    shape = grid.shape[:2]
-    flat = grid.reshape(-1, grid.shape[-1])
+    grid[..., columns] = np.stack(np.meshgrid(first, second), axis=-1)
+    shape, flat = grid.shape[:2], grid.reshape(-1, grid.shape[-1])
     found = surgery.try_out(flat, grid=shape, progress=progress)
     footprint = surgery.footprint(bone)
     every = (
         found.total, found.peak_N, found.isometry_mm[:, bundle], excess(surgery, found),
-        footprint.off_bone(flat[:, column : column + 2]), found.status,
+        footprint.off_bone(flat[:, columns]), found.status,
     )  # fmt: skip
     total, peak, isometry, far, off, status = (x.reshape(shape) for x in every)
     return TunnelMap(
@@ -222,3 +207,77 @@ def tunnel_map(
         total, np.moveaxis(found.laxity_mm, 0, -1).reshape(-1, *shape), peak, isometry, far, off,
         status, surgery.protocol.lachman_deg,
     )  # fmt: skip
+
+
+#: Parts of the draws below each end of an interval, and below its middle.
+_PARTS = (0.025, 0.5, 0.975)
+
+
+@dataclasses.dataclass(frozen=True)
+class Intervals:
+    """Numbers of knees over draws of the knee.
+
+    Attributes:
+        draws: how many knees were drawn.
+        quantities: their names: laxity at each test, mm, largest graft force, N, strain distance.
+        knees: `intact`, `deficient`, then the choices by name.
+        limits: 2.5, 50 and 97.5 % of the draws that balance, `(knees, quantities, 3)`; NaN where
+            a knee has no such number.
+        known: draws that have the number, `(knees, quantities)`.
+        kept: part of the draws in which all limits are kept, `(knees,)`; NaN without a graft.
+    """
+
+    draws: int
+    quantities: tuple[str, ...]
+    knees: tuple[str, ...]
+    limits: np.ndarray
+    known: np.ndarray
+    kept: np.ndarray
+
+
+def intervals(
+    surgery: Surgery, knees: Sequence[Knee], choices: Mapping[str, np.ndarray],
+    progress: Progress | None = None,
+) -> Intervals:  # fmt: skip
+    """Carry out the same surgery on knees that are drawn.
+
+    Args:
+        surgery: on the knee itself; its tunnels stay where they are on the bones.
+        knees: drawn, of the same structure.
+        choices: name -> what is done, `(choices,)`.
+        progress: called with draws done and asked for.
+    """
+    quantities, tests = criteria_names(surgery), len(surgery.protocol.lachman_deg)
+    names = ("intact", "deficient", *choices)
+    every = np.full((len(knees), len(names), len(quantities)), np.nan)
+    within = np.full((len(knees), len(names)), np.nan)
+    for row, knee in enumerate(knees):
+        own = on_knee(surgery, knee)
+        before = own.before
+        every[row, :2, :tests] = own.laxity(before)
+        found = own.try_out(np.stack(list(choices.values())))
+        sound = converged(found.status) | (found.status == Status.GIVES_WAY)
+        every[row, 2:] = np.where(sound[:, None], criteria_of(found), np.nan)
+        within[row, 2:] = missed(own, found) <= 0.0
+        if progress is not None:
+            progress(row + 1, len(knees))
+    known = np.isfinite(every).sum(axis=0)
+    limits = np.full((len(names), len(quantities), 3), np.nan)
+    for place in zip(*np.nonzero(known), strict=True):
+        own = every[(slice(None), *place)]
+        limits[place] = np.quantile(own[np.isfinite(own)], _PARTS)
+    return Intervals(len(knees), quantities, names, limits, known, within.mean(axis=0))
+
+
+def on_knee(surgery: Surgery, knee: Knee) -> Surgery:
+    """The same surgery on another knee of the same structure, grafts at the same places.
+
+    Args:
+        surgery: any.
+        knee: without grafts.
+    """
+    plan = surgery.plan
+    other = reconstruction_of(
+        knee, plan.ligament, len(plan.bundles), sum(plan.stiffness_N), sum(plan.failure_N)
+    )
+    return dataclasses.replace(surgery, plan=other)

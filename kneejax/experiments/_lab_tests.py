@@ -1,13 +1,14 @@
-"""A test under load, as data."""
+"""A test under load, as data, and the usual ones by name."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import COORDINATES, coordinate
 from kneejax.mechanics import NAMED_LOADS, Load, load_called, load_of, load_words
 from kneejax.numerics import WrongValue
 
@@ -72,12 +73,12 @@ class LabTest:
                 raise WrongValue(field, repr(unknown[0]), f"one of {', '.join(NAMED_LOADS)}")
         if bool(self.full) == (self.displacement is not None):
             raise WrongValue("full", str(dict(self.full)), "a load, or a displacement instead")
-        if self.observed not in COORDINATES or self.observed == "flexion":
+        if self.observed not in [*COORDINATES][1:]:
             known = ", ".join([*COORDINATES][1:])
             raise WrongValue("observed", repr(self.observed), f"one of {known}")
-        if not self.flexion_deg or not self.path:
-            empty = "path" if self.flexion_deg else "flexion_deg"
-            raise WrongValue(empty, "nothing", "a number at least")
+        for field in ("flexion_deg", "path"):
+            if not getattr(self, field):
+                raise WrongValue(field, "nothing", "a number at least")
         if self.displacement is not None and self.observed not in MOVED_BY_MACHINE:
             wrong, known = f"of {self.observed}", ", ".join(MOVED_BY_MACHINE)
             raise WrongValue("displacement", wrong, f"one of {known}")
@@ -153,3 +154,113 @@ def load_cycle(steps: int = 20, both: bool = False) -> tuple[float, ...]:
     up = [k / steps for k in range(1, steps + 1)]
     half = [*up, *reversed(up[:-1]), 0.0]
     return 0.0, *half, *([-part if part else 0.0 for part in half] if both else [])
+
+
+_USUAL_DEG = tuple(range(0, 91, 15))
+
+
+class Ready(NamedTuple):
+    """A kind of test."""
+
+    says: str  # what is done, in a phrase
+    # Load -> its share of the force or moment that is asked for, with its sense.
+    full: Mapping[str, float]
+    observed: str  # see `LabTest`
+    size: float = 100.0  # of that force, N, or moment, N m, where none is asked for
+    flexion_deg: tuple[float, ...] = _USUAL_DEG  # where no angles are asked for
+
+    @property
+    def turns(self) -> bool:
+        """Whether a moment is asked for, not a force."""
+        return all(NAMED_LOADS[name].unit == "N m" for name in self.full)
+
+
+#: Name of a test -> what it is.
+READY = {
+    "drawer": Ready("the tibia is drawn forwards", {"anterior_N": 1.0}, "anterior"),
+    "lachman": Ready("the same, nearly straight", {"anterior_N": 1.0}, "anterior",
+                     flexion_deg=(20.0,)),
+    "torsion": Ready("the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0),
+    "varus-valgus": Ready("the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0),
+    "compression": Ready("the tibia is pressed against the femur", {"compression_N": 1.0},
+                         "superior", 500.0),
+    "distraction": Ready("the tibia is pulled away from the femur", {"compression_N": -1.0},
+                         "superior", 50.0),
+    "pivot": Ready("valgus, with half as much internal torque",
+                   {"varus_Nm": -1.0, "internal_Nm": 0.5}, "anterior", 10.0),
+}  # fmt: skip
+#: Tests of which an envelope consists, with their part of the moment that is asked for.
+_ENVELOPE = {"drawer": 1.0, "varus-valgus": 1.0, "torsion": 0.5}
+
+
+def lab_tests(
+    name: str, flexion_deg: Iterable[float] | None = None, *, force_N: float | None = None,
+    moment_Nm: float | None = None, displacement_mm: float | None = None,
+    rotation_deg: float | None = None, held: Iterable[str] = (), both: bool = False,
+    steps: int = 20, constant: Mapping[str, float] | None = None,
+    point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> tuple[LabTest, ...]:  # fmt: skip
+    """The tests of a name; all but an envelope are one.
+
+    Args:
+        name: one of `READY`, or `envelope`: drawer, varus-valgus and, with half of the moment,
+            torsion, each both ways.
+        flexion_deg: 0 to 90 degrees in steps of 15 by default, 20 degrees for `lachman`.
+        force_N: full force of a test by force; 100 N by default, 500 of compression, 50 of
+            distraction.
+        moment_Nm: full moment of a test by moment; 10 N m by default, 5 of torsion.
+        displacement_mm: how far a machine moves the tibia in a drawer or lachman, whose force is
+            read then, in the place of a force that is given.
+        rotation_deg: how far it turns the tibia in torsion or varus-valgus, likewise.
+        held: rotations that it holds where they are in the neutral pose, of `adduction` and
+            `internal_rotation`.
+        both: whether the opposite load follows.
+        steps: from nothing to the full load.
+        constant: loads that act throughout, e.g. `{"compression_N": 300.0}`.
+        point_mm: where forces act, in the tibia's frame; its origin by default.
+
+    Raises:
+        ValueError: an unknown name, a force for a test by moment and the reverse, both a load and
+            a displacement, or a displacement of a test that is by load alone.
+
+    Example:
+        >>> (test,) = lab_tests("lachman", steps=4)
+        >>> test.flexion_deg, test.full, len(test.path)
+        ((20.0,), {'anterior_N': 100.0}, 9)
+    """
+    moved = {"displacement_mm": displacement_mm, "rotation_deg": rotation_deg}
+    moved = {key: size for key, size in moved.items() if size is not None}
+    if name == "envelope":
+        if moved:
+            raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
+        angles = None if flexion_deg is None else tuple(flexion_deg)
+        full = 10.0 if moment_Nm is None else moment_Nm
+        sizes = {kind: {"moment_Nm": part * full} for kind, part in _ENVELOPE.items()}
+        sizes["drawer"] = {"force_N": force_N}
+        given = {"held": held, "steps": steps, "constant": constant, "point_mm": point_mm}
+        each = (lab_tests(kind, angles, both=True, **sizes[kind], **given) for kind in _ENVELOPE)
+        return tuple(test for (test,) in each)
+    if name not in READY:
+        raise WrongValue("test", repr(name), f"one of {', '.join(READY)}")
+    kind = READY[name]
+    wanted, wrong = ("moment_Nm", "force_N") if kind.turns else ("force_N", "moment_Nm")
+    size, other = (moment_Nm, force_N) if kind.turns else (force_N, moment_Nm)
+    if other is not None:
+        raise WrongValue(wrong, name, f"{wanted}, which this test takes")
+    full = {load: part * (kind.size if size is None else size) for load, part in kind.full.items()}
+    displacement = None
+    if moved:
+        wanted = "rotation_deg" if coordinate(kind.observed).unit == "deg" else "displacement_mm"
+        if kind.observed not in MOVED_BY_MACHINE or len(kind.full) > 1:
+            raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
+        for wrong in moved:
+            if wrong != wanted:
+                raise WrongValue(wrong, name, f"{wanted}, which this test takes")
+        if size is not None:
+            raise WrongValue(wanted, f"{name} with a load too", "one of the two")
+        full, displacement = {}, moved[wanted]
+    angles = kind.flexion_deg if flexion_deg is None else flexion_deg
+    return (LabTest(
+        name, full, kind.observed, tuple(float(x) for x in angles), load_cycle(steps, both),
+        dict(constant or {}), point_mm, displacement, tuple(held),
+    ),)  # fmt: skip

@@ -1,4 +1,4 @@
-"""A cycle of an activity over time or percent, and rounds of its search."""
+"""What was recorded: the cycle of an activity, rounds of its search, the sense of a test."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.mechanics import LegRecord
+from kneejax.experiments._measured_test import MeasuredTest, change_of
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.mechanics import NAMED_LOADS, LegRecord
 
 #: Upward force of the ground from which a foot stands on it, N, if no other component is larger.
 STANDS_N = 20.0
@@ -59,12 +61,11 @@ def cycle_of(record: LegRecord) -> Cycle:
     change = np.diff(stands.astype(int))
     strikes, lifts = time[1:][change > 0], time[1:][change < 0]
     strikes = strikes[np.diff(strikes, prepend=-np.inf) > _SHORTEST_S]
-    if not len(strikes):
-        begin, end, words = time[0], time[-1], "the whole record"
-    elif len(strikes) == 1:
-        begin, end, words = strikes[0], time[-1], "from heel strike to the end of the record"
-    else:
-        begin, end, words = strikes[0], strikes[1], "from heel strike to heel strike"
+    begin, end, words = time[0], time[-1], "the whole record"
+    if len(strikes) > 1:
+        (begin, end), words = strikes[:2], "from heel strike to heel strike"
+    elif len(strikes):
+        begin, words = strikes[0], "from heel strike to the end of the record"
     percent = 100.0 * (time - begin) / (end - begin)
     after = lifts[(lifts > begin) & (lifts < end)]
     toe_off = 100.0 * (after[-1] - begin) / (end - begin) if len(after) else np.nan
@@ -142,3 +143,68 @@ def weights(rounds: Sequence[Round]) -> list[float]:
         secant = -found[-1] * float(np.sum(last.change * turn)) / size if size else found[-1]
         found.append(float(np.clip(secant, *_WITHIN)))
     return found[: len(rounds)]
+
+
+#: Of the work over that of a curve in which load and displacement are in proportion; below minus
+#: this a curve falls, whatever its noise.
+_FALLS = 0.7
+#: Along a curve a coordinate changes by more than this, mm or degrees, or it tells no sense; and by
+#: so many of its standard deviations.
+_LEAST, _DEVIATIONS = 1.0, 4.0
+#: Part of the largest change of load below which another one counts as constant.
+_CONSTANT = 0.1
+
+
+class AgainstLoad(NamedTuple):
+    """A curve along which the tibia moves against the load."""
+
+    load: str  # its name
+    coordinate: str  # on which it does work
+    flexion_deg: float  # of the curve
+    loads: tuple[float, float]  # the least and the largest of the curve, N or N m
+    values: tuple[float, float]  # of the coordinate there, mm or degrees
+
+
+def against_load(test: MeasuredTest) -> AgainstLoad | None:
+    """The first curve of a test along which the tibia moves against its load; None without any.
+
+    A knee in stable balance gives way to a load: the coordinate on which the load does work rises
+    with it. A curve that falls would give energy away: a column has the other sense.
+
+    Args:
+        test: as it was measured. Knees in motion, forces at another point than the tibia's origin
+            and muscles whose pull changes are not judged.
+    """
+    changing = any(np.ptp(pull) > 0 for pull in test.tensions.values())
+    if test.frames is not None or changing or not test.loads:
+        return None
+    curve = test.curve
+    order = np.argsort(test.flexion_deg, kind="stable")
+    every = (_falls(test, order[curve[order] == number]) for number in np.unique(curve))
+    return next(filter(None, every), None)
+
+
+def _falls(test: MeasuredTest, rows: np.ndarray) -> AgainstLoad | None:
+    """Whether one curve falls under the load that changes along it, if it is only one."""
+    # What is counted from the unloaded pose is nothing there.
+    zero = np.zeros(int(test.counted_from == "unloaded"))
+    loads = {name: np.r_[zero, sizes[rows]] for name, sizes in test.loads.items()}
+    change = {name: change_of(name, sizes) for name, sizes in loads.items()}
+    acting = [name for name in loads if change[name] > _CONSTANT * max(change.values())]
+    if len(acting) != 1 or (any(test.point_mm) and acting[0].endswith("_N")):
+        return None
+    name = acting[0]
+    column = next(x for x in NAMED_LOADS[name].also_called if x in COORDINATES)
+    values = np.r_[zero, test.observed[rows, FREE_COORDINATES.index(column)]]
+    load, values = loads[name][np.isfinite(values)], values[np.isfinite(values)]
+    if not len(load) or not np.ptp(load) > 0:
+        return None
+    force, moved = load - load.mean(), values - values.mean()
+    work, full = float(force @ moved), float(np.linalg.norm(force) * np.linalg.norm(moved))
+    along = abs(work) / float(force @ force) * np.ptp(load)
+    sd = test.sd_deg if COORDINATES[column].unit == "deg" else test.sd_mm
+    if work >= -_FALLS * full or along <= max(_LEAST, _DEVIATIONS * (sd or 0.0)):
+        return None
+    ends = [int(np.argmin(load)), int(np.argmax(load))]
+    pair, moved = (tuple(x[ends].tolist()) for x in (load, values))
+    return AgainstLoad(name, column, float(test.flexion_deg[rows[0]]), pair, moved)
