@@ -18,21 +18,24 @@ from kneejax.planning import intact_knee, operated_knees
 from kneejax.report.activity import activity_answer
 from kneejax.studies import read_plan, stages_on_terminal
 
+INTACT = "intact"
+#: The knee where none is named.
+_USUAL = "lenhart2015_reduced"
+
 
 def asked_of_opensim(
     arguments: options.Activity, body: files.WholeBody, knee: Knee, document: dict[str, Any], show
 ) -> tuple[LegRecord, list[Round]]:
-    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for, in which the
-    knee's secondary motion goes back into the model; and the rounds, none where no motion was to go
-    back. `show` is called with what is done."""
+    """What acts on the leg as OpenSim finds it, in the last of the rounds in which the knee's
+    secondary motion goes back into the model; and these rounds, if any were asked for."""
     shifts = files.registered(body.model, body.side, knee, document, arguments.frames, body.bones)
     known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
              "tibia": body.bones[1]}  # fmt: skip
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
     for number in range(arguments.rounds + 1):
         show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
-        place = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
-        folder = writing_place(place)
+        own = f"round_{number}" if arguments.rounds else ""
+        folder = writing_place(arguments.out / "opensim" / own)
         if motion is not None:
             model = folder / body.model.name
             data = files.couple_model(body.model, body.side, motion, shifts, body.bones)
@@ -75,26 +78,19 @@ def _reaction_off(record: LegRecord, theirs: LegRecord) -> float:
     return float(np.sqrt(np.mean(np.sum((ours - same) ** 2, axis=1))))
 
 
-INTACT = "intact"
-#: The knee where none is named.
-_USUAL = "lenhart2015_reduced"
-
-
 def run(arguments: options.Activity) -> int:
     """Read what acted on the leg, and find the equilibria of each knee under it."""
     known = {"side": arguments.side, "instants": arguments.instants, "femur": arguments.femur,
              "tibia": arguments.tibia}  # fmt: skip
     body = None if arguments.motion is None else files.whole_body(
         arguments.model, arguments.motion, arguments.grf, actuators=arguments.actuators,
-        time_s=arguments.time_s, **known,
-    )  # fmt: skip
+        time_s=arguments.time_s, **known)  # fmt: skip
     plan = None if arguments.plan is None else read_plan(arguments.plan, patella=arguments.patella)
     if plan is None:
         read = files.load_knee_file(arguments.knee or _USUAL)
-        document = read.document
-        whole = read.with_patella() if arguments.patella else read.knee
+        knee, document = read.with_patella() if arguments.patella else read.knee, read.document
         with files.said_of("--set"):
-            knee = whole.replace(arguments.values)
+            knee = knee.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
     if document["side"] != SIDES[arguments.side]:

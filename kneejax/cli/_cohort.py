@@ -36,8 +36,7 @@ Mark = Mapping[str, Any]
 
 def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
     """Calibrate the knees of a task, or draw the data of one again and fit them, into the folder of
-    a cohort's results, unless these are there; `svg` says whether each knee's figures are files
-    too."""
+    a cohort's results, unless these are there; with `svg` each knee's figures are files too."""
     begun = time.perf_counter()
     if finished(task, out) is not None:
         return
@@ -45,7 +44,8 @@ def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
         answers = _answers([member.study for member in task.members])
         share = (time.perf_counter() - begun) / len(answers)
         for member, answer in zip(task.members, answers, strict=True):
-            _write(out / KNEES / member.name, task, answer, share, svg)
+            folder = out / KNEES / member.name
+            replace_knee(folder, functools.partial(_write, folder, task, answer, share, svg))
         return
     (member,) = task.members
     folder, failed, values = out / KNEES / member.name, "", np.zeros((0, 0))
@@ -64,28 +64,22 @@ def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
 
 def _write(
     folder: Path, task: cohorts.Task, answer: Calibration | Exception, seconds: float, svg: bool
-) -> None:
-    begun = time.perf_counter()
-    failed = cohorts.reason(answer, named=False) if isinstance(answer, Exception) else ""
-
-    def write() -> dict[str, Any]:
-        if not isinstance(answer, Exception):
-            write_results(answer, folder, svg=svg, figures=svg)
-        took = seconds + time.perf_counter() - begun
-        return {"task": task.fingerprint, "failed": failed, "seconds": took}
-
-    replace_knee(folder, write)
+) -> dict[str, Any]:
+    """Write the answer of a knee; what its mark says of it."""
+    begun, failed = time.perf_counter(), ""
+    if isinstance(answer, Exception):
+        failed = cohorts.reason(answer, named=False)
+    else:
+        write_results(answer, folder, svg=svg, figures=svg)
+    took = seconds + time.perf_counter() - begun
+    return {"task": task.fingerprint, "failed": failed, "seconds": took}
 
 
 def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
-    """Answers of studies; where one brings all down, each by itself, so that others have theirs.
-
-    Raises:
-        OSError: of a machine, not of a knee; and so is MemoryError.
-    """
+    """Answers of studies; where one brings all down, each by itself, so that others have theirs."""
     try:
         return run_side_by_side(studies)
-    except (OSError, MemoryError):
+    except (OSError, MemoryError):  # of a machine, not of a knee
         raise
     except Exception as problem:
         if len(studies) == 1:
@@ -134,10 +128,9 @@ def run(arguments: Calibrate) -> int:
     waiting = _unfinished(own, out)
     knees = sum(map(len, waiting))
     check_room(out, _KNEE_MB * knees, f"results of {files.counted(knees, 'knee')}")
-    kinds = files.counted(cohorts.structures(tasks), "structure")
-    size = f"{files.counted(len(cohort.members), 'knee')} of {kinds}"
-    size += f" in {files.counted(len(tasks), 'task')}"
-    print(f"{cohort.title}: {size}")
+    kinds = files.counted(len({task.structure for task in tasks}), "structure")
+    print(f"{cohort.title}: {files.counted(len(cohort.members), 'knee')} of {kinds} in "
+          f"{files.counted(len(tasks), 'task')}")
     if arguments.shard:
         print(f"part {part}/{parts}: {files.counted(len(own), 'task')}")
     if len(waiting) < len(own):
@@ -151,17 +144,15 @@ def run(arguments: Calibrate) -> int:
     failed: dict[str, Mark] = {}
     work = functools.partial(compute, out, arguments.svg)
     jobs, address = arguments.jobs or 1, arguments.scheduler
-    with contextlib.ExitStack() as opened:
-        each = cohorts.in_process
-        if waiting and (jobs > 1 or address is not None):  # workers that stay for all rounds
-            client = opened.enter_context(cohorts.workers(min(jobs, len(waiting)), address))
-            if sys.stderr.isatty():
-                print(f"workers: {client.dashboard_link}", flush=True)
-            each = functools.partial(cohorts.on_workers, client)
+    apart = waiting and (jobs > 1 or address is not None)  # on workers, which stay for all rounds
+    workers = cohorts.workers(min(jobs, len(waiting)), address) if apart else None
+    with workers or contextlib.nullcontext() as client:
+        if client is not None and sys.stderr.isatty():
+            print(f"workers: {client.dashboard_link}", flush=True)
         for some, unit in rounds:
             some = _unfinished(some, out)
             with tqdm(total=sum(map(len, some)), unit=unit, disable=None, leave=False) as bar:
-                for task, why in each(some, work):
+                for task, why in cohorts.computed(some, work, client):
                     for name in task.names if why and finished(task, out) is None else ():
                         failed.setdefault(name, {"failed": why, "seconds": 0.0})
                     bar.update(len(task))
@@ -184,14 +175,15 @@ def run(arguments: Calibrate) -> int:
             elif mark["values"].size:
                 drawn.setdefault(name, []).append(mark["values"])
     arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
-    answers = cohorts.read_answers(cohort, failed | known, out / KNEES)
+    ends = failed | known
+    answers = [cohorts.KneeAnswer.read(one, ends[one.name], out / KNEES / one.name)
+               for one in cohort.members if one.name in ends]  # fmt: skip
     draws = {name: np.concatenate(parts) for name, parts in drawn.items()}
     summary = cohorts.summed_up(cohort.title, answers, draws)
     written, missing = [], ""
     if summary.populations:
-        prior = format_yaml(cohorts.next_prior(summary))
-        text = _PRIOR.format(" ".join(summary.title.split())) + prior
-        files.write_text(out / "prior.yaml", text)
+        heading = _PRIOR.format(" ".join(summary.title.split()))
+        files.write_text(out / "prior.yaml", heading + format_yaml(summary.next_prior()))
         written.append("prior.yaml")
     try:
         files.write_netcdf(out / "cohort.nc", summary.to_dataset())
@@ -230,25 +222,17 @@ def make_up(arguments: CohortSynthesise) -> int:
     columns = [f"{name}.file" for name in names]
     files.write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
     files.write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *columns], rows)
+    mm, deg = spread.noise_mm, spread.noise_deg
     study: dict[str, Any] = {
-        "title": "Made-up knee",
-        "knee": "four_ligament",
-        "parameters": ["*.stiffness", "*.reference_strain"],
-        "bounds": _BOUNDS,
+        "title": "Made-up knee", "knee": "four_ligament",
+        "parameters": ["*.stiffness", "*.reference_strain"], "bounds": _BOUNDS,
         "procedures": ["III"],
-        # One over the variances.
-        "weights": {"mm": spread.noise_mm**-2, "deg": spread.noise_deg**-2},
-        "noise_mm": spread.noise_mm,
-        "noise_deg": spread.noise_deg,
-        "measured": {"file": "", "source": _SOURCE},
-        "tests": [
-            {"name": name, "file": "", "source": _SOURCE, "sd_mm": spread.noise_mm,
-             "sd_deg": spread.noise_deg}
-            for name in names
-        ],
-    }  # fmt: skip
-    title = f"{count} made-up knees, seed {arguments.seed}"
-    document = {"title": title, "study": study, "knees": "knees.csv"}
+        "weights": {"mm": mm**-2, "deg": deg**-2},  # one over the variances
+        "noise_mm": mm, "noise_deg": deg, "measured": {"file": "", "source": _SOURCE},
+        "tests": [{"name": name, "file": "", "source": _SOURCE, "sd_mm": mm, "sd_deg": deg}
+                  for name in names]}  # fmt: skip
+    document = {"title": f"{count} made-up knees, seed {arguments.seed}", "study": study,
+                "knees": "knees.csv"}  # fmt: skip
     # Last of all: without it the folder is no cohort.
     files.write_text(out / "cohort.yaml", format_yaml(document))
     print(f"{count} made-up knees of {arguments.knee}, seed {arguments.seed}")

@@ -1,13 +1,12 @@
 """A command as a typed model: each option, its limits, its help and its conditions stand once.
-
 The model is the command line (`_line.py`), the settings.json of its results, what `rerun` reads,
-and a call in Python: `Simulate(experiment="drawer", force_N=100)`.
-"""
+and a call in Python: `Simulate(experiment="drawer", force_N=100)`."""
 
 from __future__ import annotations
 
 import importlib
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
@@ -43,17 +42,11 @@ class Group(NamedTuple):
 
 
 class Only(NamedTuple):
-    """An option that means something only where a condition holds; elsewhere it is refused.
+    """An option that means something only where a condition holds; elsewhere it is refused."""
 
-    Attributes:
-        where: of the command, whether it means something.
-        expected: what should be given with it, or in its place.
-        shown: the field whose value the error shows; the option's own if empty.
-    """
-
-    where: Callable[[Any], bool]
-    expected: str
-    shown: str = ""
+    where: Callable[[Any], bool]  # of the command
+    expected: str  # what should be given with it, or in its place
+    shown: str = ""  # the field whose value the error shows; the option's own if empty
 
 
 class Bundled(NamedTuple):
@@ -77,29 +70,32 @@ class Angles:
     """Angles of flexion: first:last:step or a,b,c."""
 
 
+#: Option, value, and what was expected in its place.
+Problem = tuple[str, Any, str]
+
+
 def option_name(field: str) -> str:
     """`force_N` -> `force-N`."""
     return field.replace("_", "-")
 
 
 class Command(pydantic.BaseModel):
-    """The options of a command, checked. A subclass states them as fields.
-
-    Attributes:
-        command: words after `kneejax`.
-        example: a line that runs, for the end of its help.
-        body: the module whose `run`, or the function after a colon, does the work; imported when
-            it is called.
-        renamed: what a calculation calls an argument -> the field that gave it.
-    """
+    """The options of a command, checked. A subclass states them as fields, and its name has the
+    words after `kneejax`: `JointFit` is `kneejax joint fit`."""
 
     model_config = pydantic.ConfigDict(extra="forbid", defer_build=True,
                                        alias_generator=option_name, populate_by_name=True,
                                        ser_json_inf_nan="strings")  # fmt: skip
     command: ClassVar[str]
-    example: ClassVar[str]
-    body: ClassVar[str]
-    renamed: ClassVar[Mapping[str, str]] = {}
+    example: ClassVar[str]  # a line that runs, for the end of its help
+    body: ClassVar[str]  # module (that of the command's name if not stated), or module:function
+    renamed: ClassVar[Mapping[str, str]] = {}  # name in a calculation -> field that gave it
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        cls.command = re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
+        if "body" not in vars(cls):
+            cls.body = f"kneejax.cli._{cls.command.replace(' ', '_')}"
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Self:
@@ -125,7 +121,8 @@ class Command(pydantic.BaseModel):
         else:
             problems = [*made._only_with()]
             useless = {problem.field for problem in problems}
-            problems += [x for x in made.problems() if x.field not in useless]
+            problems += [InputProblem(cls.command, *one)
+                         for one in made.problems() if one[0] not in useless]
         if problems:
             raise together(problems)
         return made  # pyright: ignore[reportPossiblyUnboundVariable]
@@ -168,7 +165,7 @@ class Command(pydantic.BaseModel):
         """The values with defaults that depend on others."""
         return values
 
-    def problems(self) -> Iterable[InputProblem]:
+    def problems(self) -> Iterable[Problem]:
         """What is wrong with options that are good one by one; for a subclass to say."""
         return ()
 
@@ -182,20 +179,15 @@ class Command(pydantic.BaseModel):
         values = json.loads(self.model_dump_json(by_alias=True, exclude={"out", "verbose"}))
         return {"command": self.command, **values}
 
-    def import_body(self) -> None:
-        """Import what does the work."""
-        importlib.import_module(self.body.partition(":")[0])
+    def work(self) -> Callable[[Self], int]:
+        """What does the work: the function, or `run` of a module, imported when it is needed."""
+        module, _, function = self.body.partition(":")
+        return getattr(importlib.import_module(module), function or "run")
 
     def run(self) -> int:
-        """Do the work; the exit status.
-
-        Raises:
-            InputProblem: also what a calculation refuses, said of the option that gave it.
-        """
-        module, _, function = self.body.partition(":")
-        work = getattr(importlib.import_module(module), function or "run")
+        """Do the work; the exit status. What a calculation refuses is said of its option."""
         try:
-            return work(self)
+            return self.work()(self)
         except ValueError as problem:
             every = [*getattr(problem, "problems", (problem,))]
             if (said := [self.said(one) for one in every]) == every:
@@ -220,23 +212,19 @@ class Command(pydantic.BaseModel):
 
 
 class Written(Command):
-    """A command that writes a folder of results.
+    """A command that writes a folder of results."""
 
-    Attributes:
-        folder: where, unless `--out` names another one; called as the command by default.
-    """
-
-    folder: ClassVar[str]
+    folder: ClassVar[str]  # unless `--out` names another one; called as the command's first word
     _results: Any = pydantic.PrivateAttr(None)
     out: Annotated[Path, Group("Results")] = meaning("folder for the results", Path())
     verbose: Annotated[bool, Group("Results")] = meaning(
-        "say what was compiled, and how long it took", False
-    )
+        "say what was compiled, and how long it took", False)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        if hasattr(cls, "command") and "folder" not in vars(cls):
-            cls.folder = f"kneejax-{cls.command.replace(' ', '-')}"
+        super().__pydantic_init_subclass__()
+        if "folder" not in vars(cls):
+            cls.folder = f"kneejax-{cls.command.partition(' ')[0]}"
 
     @classmethod
     def usual(cls, values: dict[str, Any]) -> dict[str, Any]:

@@ -14,17 +14,11 @@ from kneejax.report.look.tables import wrapped
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 
-#: Files of every calibration.
-FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
-
 
 def deliver(answer: Answer, arguments: Drawn, written: Sequence[str] = (),
             seconds: dict[str, float] | None = None) -> int:  # fmt: skip
-    """Write tables, figures, result.json and report.html; then print what was found. Gives the exit
-    status.
-
-    `written` are names of files that the command has written itself; `seconds` gets `figures`.
-    """
+    """Write tables, figures, result.json and report.html; print what was found; the exit status.
+    `written` are names of files that the command has written itself; `seconds` gets `figures`."""
     settings = {"command": arguments.command, **arguments.options()}
     with stages_on_terminal("figures and report"):
         write_answer(answer, arguments.out, svg=arguments.svg, settings=settings,
@@ -54,11 +48,8 @@ def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
 def write_results(
     result: Calibration, out: Path, *, svg: bool, figures: bool = True
 ) -> tuple[Answer, str]:
-    """Write what was found, the calibrated knee and the report, which holds the figures whether or
-    not they are files.
-
-    Gives the answer, and why there is no calibrated knee, where the search ended at none.
-    """
+    """Write what was found, the calibrated knee and the report, whose figures need be no files. The
+    answer comes back, and why there is no calibrated knee, where the search ended at none."""
     from kneejax.report.calibration import calibration_answer
     from kneejax.report.doubts import motion_words
 

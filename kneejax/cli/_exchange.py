@@ -2,11 +2,9 @@
 
 import copy
 from collections.abc import Sequence
-from typing import Any
 
 from kneejax import files
 from kneejax.cli._deliver import deliver
-from kneejax.cli._main import DONE
 from kneejax.cli._words import SIDES
 from kneejax.cli.options import knees as options
 from kneejax.files.opensim.report import import_sections
@@ -21,8 +19,7 @@ def import_model(arguments: options.ImportOsim) -> int:
                              tibia=arguments.tibia, without=arguments.without,
                              inside=arguments.inside, patella=not arguments.without_patella,
                              at=arguments.at)  # fmt: skip
-    findings, missed = (), False
-    document, file = read.document, arguments.out / "knee.yaml"
+    document, file, findings, missed = read.document, arguments.out / "knee.yaml", (), False
     if arguments.geometry is None:
         # It was checked when it was read; to build the knee takes longer.
         files.write_text(file, files.format_knee(document))
@@ -42,10 +39,9 @@ def import_model(arguments: options.ImportOsim) -> int:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
         coordinates = files.counted(free, "free coordinate")
         said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
-    waiting = [one.name for one in (*read.contacts, *read.patellofemoral, *read.menisci)]
+    waiting = ", ".join(x.name for x in (*read.contacts, *read.patellofemoral, *read.menisci))
     if waiting and not arguments.geometry:
-        names = ", ".join(waiting)
-        said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
+        said.append(f"no surfaces yet for {waiting}: --geometry FOLDER fits the model's meshes")
     said += [f"left out: {line}" for line in read.left_out]
     name, sections = document["name"], import_sections(read, findings)
     answer = knee_import.osim_import_answer(name, said, sections, document["ligaments"],
@@ -65,24 +61,25 @@ def import_surfaces(arguments: options.ImportStl) -> int:
         if knee.document["side"] != SIDES[arguments.side]:
             expected = f"{knee.document['side'][0]}, the side of {knee.path}"
             raise files.InputProblem("--side", "side", arguments.side, expected)
+    asked = files.MeshOptions(
+        patellar_cartilage=arguments.patella_cartilage, femur_bone=arguments.femur_bone,
+        tibia_bone=arguments.tibia_bone, layer_thickness_mm=arguments.layer_thickness,
+        thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
+        poisson_ratio=arguments.poisson_ratio, law=arguments.law, unit=arguments.unit,
+        axis_point_mm=arguments.axis_point, notch_mm=arguments.notch, split_mm=arguments.split,
+        axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0), angle_deg=arguments.angle,
+        reference_pose=pose)  # fmt: skip
+    meshes = arguments.femur_cartilage, arguments.tibia_cartilage
     with stages_on_terminal("surfaces and layers"):
-        found = files.import_meshes(
-            arguments.femur_cartilage,
-            arguments.tibia_cartilage,
-            side=arguments.side,
-            options=files.MeshOptions(
-                patellar_cartilage=arguments.patella_cartilage, femur_bone=arguments.femur_bone,
-                tibia_bone=arguments.tibia_bone, layer_thickness_mm=arguments.layer_thickness,
-                thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
-                poisson_ratio=arguments.poisson_ratio, law=arguments.law, unit=arguments.unit,
-                axis_point_mm=arguments.axis_point,
-                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-                notch_mm=arguments.notch, split_mm=arguments.split, angle_deg=arguments.angle,
-                reference_pose=pose,
-            ),
-        )  # fmt: skip
+        found = files.import_meshes(*meshes, side=arguments.side, options=asked)
     if knee is None:
-        document = _contacts_only(arguments, found)
+        pose = {"flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
+                "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
+                "source": "the pose of the meshes: both bones' frames coincide"}  # fmt: skip
+        about = f"Contacts from {meshes[0].name} and {meshes[1].name}; no ligaments yet"
+        document = {"kneejax": 1, "name": arguments.out.name or "imported",
+                    "side": SIDES[arguments.side], "description": about, "reference_pose": pose,
+                    "ligaments": {}, "contacts": found.contacts}  # fmt: skip
     else:
         document = copy.deepcopy(knee.document) | {"contacts": found.contacts}
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
@@ -95,16 +92,6 @@ def import_surfaces(arguments: options.ImportStl) -> int:
     report = _report(found.findings, answer.tables["fit_report"])
     files.write_text(arguments.out / "fit_report.md", report)
     return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
-
-
-def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dict[str, Any]:
-    meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
-    pose = {"flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
-            "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
-            "source": "the pose of the meshes: both bones' frames coincide"}  # fmt: skip
-    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": SIDES[arguments.side],
-            "description": f"Contacts from {meshes}; no ligaments yet", "reference_pose": pose,
-            "ligaments": {}, "contacts": found.contacts}  # fmt: skip
 
 
 def _report(findings: Sequence[str], fits: Table) -> str:
@@ -144,8 +131,8 @@ def import_ligament(arguments: options.ImportLigament) -> int:
         document["groups"] = groups
     document["bands"] = document.get("bands", {}) | {name: entry}
     files.write_knee(document, arguments.out / "knee.yaml")
-    about = arguments.modulus, arguments.fibres, sorted(replaced)
-    answer = knee_import.band_import_answer(name, band, *about)
+    answer = knee_import.band_import_answer(name, band, arguments.modulus, arguments.fibres,
+                                            sorted(replaced))
     return deliver(answer, arguments, ["knee.yaml"])
 
 
@@ -162,8 +149,7 @@ def import_meniscus(arguments: options.ImportMeniscus) -> int:
                       "layer_thickness_mm": arguments.layer_thickness},
             ring={"youngs_modulus_MPa": arguments.hoop_modulus,
                   "horn_stiffness_N_per_mm": arguments.horn_stiffness,
-                  "coronary_stiffness_N_per_mm": arguments.coronary_stiffness},
-        )  # fmt: skip
+                  "coronary_stiffness_N_per_mm": arguments.coronary_stiffness})  # fmt: skip
     replaced = found.name in document["contacts"]
     document["contacts"][found.name] = found.contact
     files.write_knee(document, arguments.out / "knee.yaml")
@@ -176,8 +162,8 @@ def export_model(arguments: options.ExportOsim) -> int:
         raise files.InputProblem("--out", "file", str(arguments.out), "another file than the model")
     coupled = None
     if arguments.coupled is not None:
-        file = str(arguments.coupled)
-        coupled = files.coupled_motion(files.read_poses(file, arguments.convention), file)
+        poses = files.read_poses(arguments.coupled, arguments.convention)
+        coupled = files.coupled_motion(poses, str(arguments.coupled))
     written = files.export_osim(arguments.knee, arguments.model, replace=arguments.replace,
                                 coupled=coupled)
     files.write_bytes(arguments.out, written.data)
@@ -185,4 +171,4 @@ def export_model(arguments: options.ExportOsim) -> int:
         print(line)
     count = files.counted(len(written.changes), "change") if written.changes else "no changes"
     print(f"written: {arguments.out}, {count}")
-    return DONE
+    return 0

@@ -17,7 +17,7 @@ from kneejax.mechanics import Knee
 from kneejax.studies import read_study
 
 
-def explore(asked: Explore) -> int:
+def run(asked: Explore) -> int:
     """Serve the page, print its link, and stay until Ctrl-C."""
     page = begin(asked)
     print(f"{page.link}\nCtrl-C ends it.", flush=True)

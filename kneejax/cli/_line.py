@@ -22,16 +22,11 @@ _PACKAGES = ("jax", "numpy", "optimistix")
 
 
 class CommandLine:
-    """Every command of a program.
-
-    Attributes:
-        commands: words -> model.
-    """
+    """Every command of a program: `groups` are heading -> its commands, in the order of the help;
+    `above` is first word of several -> what these do ("" -> the program)."""
 
     def __init__(self, groups: Mapping[str, Sequence[type[Command]]], above: Mapping[str, str],
                  example: str = ""):  # fmt: skip
-        """Collect them: heading -> its commands, in the order of the help, and first word of
-        several -> what these do ("" -> the program)."""
         self.commands = {one.command: one for every in groups.values() for one in every}
         self._groups, self._above, self._example = groups, above, example
 

@@ -31,14 +31,12 @@ _OF_CONTACTS = ("youngs_modulus", "poisson_ratio", "layer_thickness")
 def describe_knee(asked: Describe) -> int:
     """Print a knee: ligaments, contacts, loads, frames, adaptations; or its parameters."""
     read = files.load_knee_file(asked.knee)
-    if asked.parameters:
-        print("\n".join(parameter_lines(read.knee, asked.fibres)))
-    else:
-        print(knee_text(read.knee, read.document, asked.fibres))
+    print("\n".join(_parameter_lines(read.knee, asked.fibres)) if asked.parameters
+          else knee_text(read.knee, read.document, asked.fibres))  # fmt: skip
     return 0
 
 
-def parameter_lines(knee: Knee, fibres: bool = False) -> Iterator[str]:
+def _parameter_lines(knee: Knee, fibres: bool) -> Iterator[str]:
     """A knee's parameters with value, unit and the bounds of a fit, a line each."""
     grouped = {fibre for _, members in knee.groups for fibre in members}
     owners = [name for name, _ in knee.groups]
@@ -114,12 +112,8 @@ def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
     """A bone's mesh, if it is where the knee has that bone."""
     mesh, fibres = files.read_mesh_points(path), knee.ligaments
     sides = fibres.femoral_attachment, fibres.tibial_attachment
-    ends = [
-        np.asarray(side)[row]
-        for row, pair in enumerate(fibres.bodies)
-        for side, joined in zip(sides, pair, strict=True)
-        if joined == bone
-    ]
+    ends = [np.asarray(side)[row] for row, pair in enumerate(fibres.bodies)
+            for side, joined in zip(sides, pair, strict=True) if joined == bone]  # fmt: skip
     # A left knee is stored as its mirrored twin; the mesh is as scanned.
     ends = np.reshape(ends, (-1, 3)) * [1.0, 1.0, -1.0 if knee.side == "left" else 1.0]
     far = max((np.linalg.norm(mesh.points_mm - end, axis=1).min() for end in ends), default=0.0)

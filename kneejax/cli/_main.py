@@ -62,8 +62,7 @@ def main(arguments: Sequence[str] | None, begun: float) -> int:
 
 
 def carry_out(asked: Command, begun: float | None = None) -> int:
-    """Run a command that was read, in a process that began then (`time.perf_counter`), and give its
-    exit status; the results of one that writes replace an earlier run's."""
+    """Run a command that was read, in a process that began then (`time.perf_counter`)."""
     begun = time.perf_counter() if begun is None else begun
     with stopped_at_once():
         if (out := getattr(asked, "out", None)) is not None:
@@ -79,7 +78,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         try:
             if computes:
                 prepare_jax()
-            asked.import_body()
+            asked.work()
         finally:
             if terminal:
                 print("\r        \r", end="", file=terminal, flush=True)
@@ -96,8 +95,8 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         with results.gathered(vars(asked), asked.resumes()), counted_programs() as programs:
             status = asked.run()
             if status != BAD_INPUT:
-                results.add_to_result("programs", programs.summary())
-                results.commit({**settings, **MEANING, VERSIONS: versions()})
+                settings |= {**MEANING, VERSIONS: versions()}
+                results.commit(settings, programs=programs.summary())
         if asked.verbose:
             print(programs.sentence(), file=sys.stderr)
         return status
@@ -116,11 +115,8 @@ def rerun(asked: Rerun) -> int:
     from kneejax.inference import versions
 
     then, now = settings[_settings.VERSIONS], versions()
-    changes = [
-        f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
-        for name in {**now, **then}
-        if then.get(name) != now.get(name)
-    ]
+    changes = [f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
+               for name in {**now, **then} if then.get(name) != now.get(name)]  # fmt: skip
     if changes:
         print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
     # Paths lead from where the command ran; without one, it may run anywhere.
@@ -182,11 +178,9 @@ def _says_what_to_mend(problem: ValueError) -> bool:
 
 
 def prepare_jax() -> None:
-    """Float64, and the compilation cache; JAX is imported.
-
-    XLA tells whoever develops it how long it compiled ("Very slow compile"): a command says itself
-    what it waits for, so that only what ends a process is left to XLA, unless somebody asks.
-    """
+    """Float64, and the compilation cache; JAX is imported."""
+    # XLA tells whoever develops it how long it compiled ("Very slow compile"): a command says
+    # itself what it waits for, so that only what ends a process is left to XLA.
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     asked = [name for name in os.environ if name.startswith("JAX_")]
     try:

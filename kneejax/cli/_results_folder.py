@@ -17,17 +17,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax._whole_files import (
-    DRAFT,
-    checksum,
-    gathering,
-    json_bytes,
-    read_json,
-    sync,
-    undamaged,
-    with_checksum,
-    write_whole,
-)
+from kneejax import _whole_files
+from kneejax._whole_files import DRAFT, checksum, gathering, json_bytes, read_json, sync, undamaged
 from kneejax.cli._streams import uninterrupted
 from kneejax.files import InputProblem
 
@@ -42,12 +33,8 @@ _ASIDE = "set-aside-"
 
 
 def try_out(out: Path, *, folder: bool) -> None:
-    """Write something there, in the folder or as the file, and take it away again; refuse a place
-    where that cannot be done.
-
-    Permissions alone do not tell: a folder of the system, or a full or read-only disk, refuses
-    whoever may write.
-    """
+    """Refuse a place where nothing can be written; permissions alone do not tell, so that a file is
+    made there and taken away again: a full disk, or a folder of the system, refuses everybody."""
     if folder and os.path.exists(out) and not out.is_dir():
         raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
     if not folder and out.is_dir():
@@ -106,10 +93,7 @@ class ResultsFolder:
     @contextlib.contextmanager
     def gathered(self, given: Mapping[str, Any], resumes: bool = False) -> Iterator[None]:
         """Gather what is written into the folder meanwhile; it is lost where an error ends it.
-
-        Options that were `given` may be files in the folder; a damaged settings.json is refused.
-        `resumes` says whether it goes on with what an earlier run has finished.
-        """
+        Options that were `given` may be files in it; `resumes` goes on with an earlier run."""
         self._set_aside(given, resumes)
         try:
             with gathering(self.out, self._draft, self._object_to):
@@ -118,12 +102,10 @@ class ResultsFolder:
             # One that is complete is put in place by the next command, if not by this one.
             if not (self._draft / FILE).exists():
                 shutil.rmtree(self._draft, ignore_errors=True)
-            for path in sorted(self.out.rglob("*"), reverse=True) if self._made else ():
+            made = [*sorted(self.out.rglob("*"), reverse=True), self.out] if self._made else ()
+            for path in made:
                 with contextlib.suppress(OSError):  # only folders that are empty
                     path.rmdir()
-            if self._made:
-                with contextlib.suppress(OSError):
-                    self.out.rmdir()
 
     def check_free(self, *names: str) -> None:
         """Refuse names of files that kneejax did not write, before the work, not after it."""
@@ -131,21 +113,17 @@ class ResultsFolder:
             self._object_to(Path(name), writing=True)
 
     def begin(self, keeps: Callable[[str], bool]) -> None:
-        """Let go of the run before, where parts of this one are about to be kept: files whose name
-        in the folder `keeps` says to be of this run too."""
+        """Let go of the run before, but for files that `keeps` says, by name, to be of this one."""
         with uninterrupted():
             _remove(self.out, [name for name in self._before if not keeps(name)])
         self._before, self._begun, self._made = owned(self.out), True, False
 
-    def add_to_result(self, name: str, value: Any) -> None:
-        """Add a field to the result.json that was gathered, where there is one."""
-        file = self._draft / RESULT
-        if file.is_file():
-            write_whole(file, json_bytes({**read_json(file), name: value}))
-
-    def commit(self, settings: Mapping[str, Any]) -> None:
-        """Put what was gathered in its place, instead of the run before; refuse where a file that
-        kneejax did not write is in the way."""
+    def commit(self, settings: Mapping[str, Any], **more: Any) -> None:
+        """Put what was gathered in its place, instead of the run before, with `more` fields of the
+        result.json, if there is one; refuse where a file that kneejax did not write is in the way.
+        """
+        if more and (file := self._draft / RESULT).is_file():
+            _whole_files.write_whole(file, json_bytes({**read_json(file), **more}))
         if not self._draft.exists() and (self._before or self._begun):
             return  # nothing was written, or other parts are still to come
         listed = _checksums(self._draft)
@@ -153,10 +131,10 @@ class ResultsFolder:
             self._object_to(Path(name), writing=True)
         listed |= {name: checksum((self.out / name).read_bytes()) for name in self.holds}
         # A person may edit what was asked for, not the list.
-        document = {**settings, WRITTEN: with_checksum(dict(sorted(listed.items())))}
+        document = {**settings, WRITTEN: _whole_files.with_checksum(dict(sorted(listed.items())))}
         with uninterrupted():
             # The draft is complete from here on, and is put in its place even after a kill.
-            write_whole(self._draft / FILE, json_bytes(document), at_once=True)
+            _whole_files.write_whole(self._draft / FILE, json_bytes(document), at_once=True)
             _put_in_place(self.out, self._draft)
             self._before, self._made = owned(self.out), False
 
@@ -178,10 +156,8 @@ class ResultsFolder:
         from kneejax.files.results import CLAIM, PARTS
 
         stays = (KNEES, PARTS, CLAIM) if resumes else ()
-        moved = [
-            path for path in self.out.iterdir()
-            if path.name not in stays and not path.name.startswith((DRAFT, _ASIDE))
-        ]  # fmt: skip
+        moved = [path for path in self.out.iterdir()
+                 if path.name not in stays and not path.name.startswith((DRAFT, _ASIDE))]
         home, given = Path(os.path.realpath(self.out)), [Path.cwd() / "x"]
         for value in options.values():
             for one in value if isinstance(value, list | tuple) else [value]:
@@ -195,11 +171,8 @@ class ResultsFolder:
         aside.mkdir()
         for path in moved:
             path.rename(aside / path.name)
-        print(
-            f"kneejax: {self.out / FILE} does not list the files of its run, or was damaged: what "
-            f"was there is in {aside}",
-            file=sys.stderr,
-        )
+        print(f"kneejax: {self.out / FILE} does not list the files of its run, or was damaged: "
+              f"what was there is in {aside}", file=sys.stderr)
         self._before = owned(self.out)
 
 
@@ -227,9 +200,8 @@ def of_knee(folder: Path, out: Path) -> set[str]:
 
 
 def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Write the files of a cohort's knee, all or none of them, and its mark, which says what
-    `write` returns beside their checksums; where one cannot be written, what stood there has gone.
-    """
+    """Write the files of a cohort's knee, all or none, and its mark: checksums, and what `write`
+    returns. Where one cannot be written, what stood there has gone."""
     # Draws say themselves which task they are of.
     _remove(folder, [x for x in of_knee(folder, folder) if Path(x).parts[0] != DRAWS])
     draft = folder / f"{DRAFT}{uuid.uuid4().hex[:8]}"
@@ -238,7 +210,8 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
             about = write()
         listed = _checksums(draft)
         draft.mkdir(parents=True, exist_ok=True)
-        (draft / MARK).write_bytes(json_bytes(with_checksum({**about, WRITTEN: listed})))
+        sealed = _whole_files.with_checksum({**about, WRITTEN: listed})
+        (draft / MARK).write_bytes(json_bytes(sealed))
         sync([draft / MARK])
         with uninterrupted():
             for name in (*listed, MARK):

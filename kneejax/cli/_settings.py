@@ -35,9 +35,8 @@ def check_inputs(asked: Command, folder: Path, gone: str = "") -> None:
         if marks(field, _command.Parameters) and value and knee and not mistakes:
             from kneejax.studies import misspelt
 
-            path = folder / knee
+            path, place = folder / knee, (shown_name(field), "name")
             for one in misspelt(os.fspath(path) if path.exists() else knee, value):
-                place = (shown_name(field), "name")
                 mistakes.append(InputProblem(*place, one.value, one.expected, one.nearest))
     mistakes.check()
 
@@ -73,8 +72,8 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
         except InputProblem as problem:
             if not gone:
                 raise
-            expected, near = problem.expected, problem.nearest
-            raise InputProblem(gone, field.alias or "", value, expected, near) from None
+            place = gone, field.alias or ""
+            raise InputProblem(*place, value, problem.expected, problem.nearest) from None
         return
     raise InputProblem(value, "file", "missing", files[0].kind, neighbour(path))
 
@@ -138,10 +137,8 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
         elif isinstance(every, list):  # words of options that were lists of words once
             words = (str(word).partition("=") for word in every)
             pairs += [(name, value) for name, equals, value in words if equals]
-    given = {
-        name: value for name, value in pairs
-        if name.endswith((".stiffness", ".damping")) and "*" not in name
-    }  # fmt: skip
+    given = {name: value for name, value in pairs
+             if name.endswith((".stiffness", ".damping")) and "*" not in name}  # fmt: skip
     if _MEANING in settings or not given:
         return
     from kneejax.files import load_knee
@@ -157,10 +154,9 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
     for name, value in given.items():
         count = max((fibres_summed(knee, name) for knee in knees), default=1)
         if count > 1:
-            raise InputProblem(
-                file, name, value, f"the sum over the structure's {count} fibres; these settings "
-                "are older and have their mean: run the command itself, with the sum",
-            )  # fmt: skip
+            expected = (f"the sum over the structure's {count} fibres; these settings are older "
+                        "and have their mean: run the command itself, with the sum")
+            raise InputProblem(file, name, value, expected)
 
 
 def worked_in(settings: Mapping[str, Any]) -> Path:

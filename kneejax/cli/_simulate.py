@@ -9,7 +9,7 @@ import numpy as np
 from kneejax import experiments, files, mechanics
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
-from kneejax.cli.options.simulate import EXTENSOR, Simulate
+from kneejax.cli.options.simulate import EXTENSOR, SIZES, Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS, COORDINATES
@@ -23,8 +23,7 @@ from kneejax.report.in_time import raised_leg_answer, transient_answer
 from kneejax.report.laboratory import laboratory_answer
 from kneejax.studies import stages_on_terminal
 
-#: Sizes of a test. Farther than a limit a knee is dislocated.
-_SIZES = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg")
+#: Farther than a limit a knee is dislocated.
 _FARTHEST = {"displacement_mm": Range(0.0, LIMITS["anterior"], "mm"),
              "rotation_deg": Range(0.0, LIMITS["internal_rotation"], "deg")}
 #: Of a leg that is raised by a motor: flexions at which it is also held.
@@ -50,7 +49,7 @@ def run(arguments: Simulate) -> int:
     if arguments.experiment != "passive-flexion":
         return run_test(arguments)
     flexion = parse_flexion(arguments.flexion or "0:120:5")
-    loads, knee = read_loads(arguments.load), asked_knee(arguments)
+    loads, (_, knee) = read_loads(arguments.load), asked_knees(arguments)
     acting = [load_of(**loads)] if loads else []
     with stages_on_terminal(knee.name):
         motion = experiments.passive_flexion(knee, flexion, acting)
@@ -59,8 +58,7 @@ def run(arguments: Simulate) -> int:
             knee_words(arguments, knee), motion, mechanics, flexion, loads=loads,
             unloaded=experiments.passive_flexion(knee, flexion) if loads else None,
             branches=experiments.branches(knee, flexion, acting) if arguments.branches else None,
-            convention=arguments.convention,
-        )  # fmt: skip
+            convention=arguments.convention)  # fmt: skip
     return deliver(answer, arguments)
 
 
@@ -81,16 +79,12 @@ def _check_within(option: str, name: str, value: float, allowed: Range | None) -
         raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
-def whole_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
-    """The knee with the parameters that were set, before anything is cut."""
+def asked_knees(arguments: Simulate, *, patella: bool = False) -> tuple[Knee, Knee]:
+    """The knee with the parameters that were set; and that in which what was cut does not act."""
     knee = files.load_knee(arguments.knee, patella=patella)
     with files.said_of("--set"):
-        return knee.replace(arguments.values)
-
-
-def asked_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
-    """The knee in which what was cut does not act."""
-    return cut(whole_knee(arguments, patella=patella), arguments.cut)
+        knee = knee.replace(arguments.values)
+    return knee, cut(knee, arguments.cut)
 
 
 def knee_words(arguments: Simulate, knee: Knee) -> str:
@@ -105,7 +99,7 @@ def run_test(arguments: Simulate) -> int:
     given = {load: size for load, size in loads.items() if size}
     steps = 20 if arguments.steps is None else arguments.steps
     angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
-    sizes = {key: size for key in _SIZES if (size := getattr(arguments, key)) is not None}
+    sizes = {key: size for key in SIZES if (size := getattr(arguments, key)) is not None}
     for key, size in sizes.items():
         _check_within(f"--{option_name(key)}", key, size, _FARTHEST.get(key))
     if name != "load":
@@ -120,8 +114,7 @@ def run_test(arguments: Simulate) -> int:
         path, held = experiments.load_cycle(steps, arguments.both), tuple(arguments.hold)
         full = {first: given[first], **given}
         tests = (experiments.LabTest("load", full, observed, at, path, held=held),)
-    whole = whole_knee(arguments)
-    knee = cut(whole, arguments.cut)
+    whole, knee = asked_knees(arguments)
     with stages_on_terminal(knee.name):
         ready = experiments.evaluate_beside(knee)
         from_intact = arguments.counted_from == "intact"
@@ -149,7 +142,7 @@ def run_extensor(arguments: Simulate) -> int:
     if lengths is not None:  # how much longer than at rest
         lengths = files.parse_range(lengths, "--quadriceps-mm", "lengths", _LONGER, "length")
     loads = read_loads(arguments.load)
-    knee, acting = asked_knee(arguments, patella=True), [load_of(**loads)] if loads else []
+    (_, knee), acting = asked_knees(arguments, patella=True), [load_of(**loads)] if loads else []
     shank = experiments.Shank.of_person(**arguments.person, femur_deg=arguments.femur_deg or 0.0)
     pull, steps = arguments.quadriceps_N or _PULL_N.get(name, 0.0), arguments.steps or 20
     with stages_on_terminal(knee.name):
@@ -170,8 +163,7 @@ def run_extensor(arguments: Simulate) -> int:
         else:
             pulls = pull * np.arange(1, steps + 1) / steps
             found = experiments.isometric_extension(knee, flexion, pulls, acting)
-    words = knee_words(arguments, knee)
-    answer = extensor_answer(words, name, found, loads=loads, driven=driven)
+    answer = extensor_answer(knee_words(arguments, knee), name, found, loads=loads, driven=driven)
     return deliver(answer, arguments)
 
 
@@ -192,7 +184,7 @@ def run_in_time(arguments: Simulate) -> int:
     motion = {"load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,
               "flexion_is_free": name == "drop"}  # fmt: skip
     fit, recorded = None, arguments.recorded and _recorded(arguments.recorded, times[0])
-    moving = _moving(arguments, asked_knee(arguments))
+    moving = _moving(arguments, asked_knees(arguments)[1])
     most_mm = arguments.error_mm or experiments.MOST_ERROR_MM
     if recorded is not None:
         first = {name: getattr(arguments, name) or _FIRST[name] for name in arguments.free}
@@ -227,8 +219,7 @@ def _loads(arguments: Simulate, flexion: float):
         return np.zeros(1), {k: np.full(1, v) for k, v in constant.items()}, {}
     full = constant
     if name != "load":
-        asked = {k: getattr(arguments, k) for k in ("force_N", "moment_Nm")}
-        asked = {k: v for k, v in asked.items() if v is not None}
+        asked = {k: v for k in SIZES[:2] if (v := getattr(arguments, k)) is not None}
         (test,) = experiments.lab_tests(name, [flexion], **asked, constant=constant)
         full = dict(test.full)
     ramp = 0.1 if arguments.ramp_s is None else arguments.ramp_s
@@ -276,15 +267,14 @@ def _moving(arguments: Simulate, knee: Knee) -> MovingKnee:
     if attitude is None and arguments.experiment in ("drop", "leg-raise"):
         attitude = 0.0
     gravity = (0.0, 0.0, 0.0) if attitude is None else gravity_of(attitude)
-    part = 1.0 if arguments.critical is None else arguments.critical
+    part, everywhere = arguments.critical, arguments.damping_N_s_per_mm
+    if everywhere is None:
+        everywhere = 1.0 if arguments.experiment == "settle" else 0.0
     pressed = arguments.dissipation_s_per_mm
-    contacts = {name: pressed for name in knee.contact_names} if pressed else {}
+    contacts = dict.fromkeys(knee.contact_names, pressed) if pressed else {}
     leg = experiments.leg_of_person(**arguments.person)
-    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity,
-                           contact_dissipation=contacts).critically_damped(part)
-    usual = 1.0 if arguments.experiment == "settle" else 0.0
-    everywhere = arguments.damping_N_s_per_mm
-    return moving.damped_everywhere(usual if everywhere is None else everywhere)
+    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity, contact_dissipation=contacts)
+    return moving.critically_damped(1.0 if part is None else part).damped_everywhere(everywhere)
 
 
 def run_raised_leg(arguments: Simulate) -> int:
@@ -300,7 +290,7 @@ def run_raised_leg(arguments: Simulate) -> int:
             raise InputProblem(str(file), "header", ", ".join(loads), f"time_s, {_LENGTH}")
         lengths = read_s - read_s[0], ways[_LENGTH]
     times = _times(arguments, None if lengths is None else lengths[0][-1])
-    moving = _moving(arguments, asked_knee(arguments, patella=True))
+    moving = _moving(arguments, asked_knees(arguments, patella=True)[1])
     with _shown(moving, times) as progress:
         found = experiments.raised_leg(moving, flexion, times, lengths=lengths, progress=progress,
                                        most_mm=arguments.error_mm or experiments.MOST_ERROR_MM)

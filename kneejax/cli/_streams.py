@@ -13,18 +13,12 @@ STOPPED = 130
 
 
 class Printed:
-    """A stream that takes what is printed, also after the one below it has failed.
-
-    A command whose output is cut short (`kneejax simulate ... | head`) still writes its files.
-
-    Attributes:
-        problem: why the stream takes nothing any more; None while it does.
-    """
+    """A stream that takes what is printed, also after the one below it has failed: a command whose
+    output is cut short (`kneejax simulate ... | head`) still writes its files."""
 
     def __init__(self, stream: Any):
-        """Print to a stream."""
         self._stream = stream
-        self.problem: OSError | None = None
+        self.problem: OSError | None = None  # why the stream takes nothing any more
 
     def write(self, text: str) -> int:
         """As of any stream."""
@@ -51,8 +45,7 @@ class Printed:
 
 
 def open_standard_streams() -> bool:
-    """Open the standard streams that are closed, since a file would take the place of one; say
-    whether there is a standard output."""
+    """Open closed standard streams, whose place a file would take; say whether there was stdout."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -67,11 +60,8 @@ def open_standard_streams() -> bool:
 
 @contextlib.contextmanager
 def stopped_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the process at once, with one line: there is nothing to tidy up yet.
-
-    An exception would be raised wherever the import is, also where Python can only print and
-    forget it.
-    """
+    """Let Ctrl-C end the process at once, with one line: there is nothing to tidy up yet. An
+    exception would be raised within an import, where Python may only print and forget it."""
     def end(*_) -> None:
         with contextlib.suppress(OSError, ValueError):
             if sys.stderr is not None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from kneejax import files, planning, studies
 from kneejax.cli._command import is_given
-from kneejax.cli._deliver import FILES, deliver, say, write_results
+from kneejax.cli._deliver import deliver, say, write_results
 from kneejax.cli.options import studies as options
 from kneejax.cohorts import is_cohort
 from kneejax.files.reading import load_json
@@ -44,16 +44,15 @@ def calibrate(arguments: options.Calibrate) -> int:
     for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
         value = getattr(arguments, name)
         if is_given(value):
-            expected = (
-                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
-                f"not {arguments.study}"
-            )
+            expected = ("this option with a cohort alone (a folder, a pattern in quotes or a "
+                        f"cohort file), not {arguments.study}")
             given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
             raise files.InputProblem("calibrate", f"--{name}", given, expected)
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         files.check_new(arguments.out / new, study.knee_name)
-    arguments.results.check_free(*FILES)
+    arguments.results.check_free("result.json", "parameters.csv", "poses.csv", "report.html",
+                                 "knee.yaml")
     reading = time.perf_counter() - begun
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
@@ -119,8 +118,7 @@ def what_data_tell(arguments: options.Identify) -> int:
     table = vars(arguments)["candidates"]
     candidates = None if table is None else [
         Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
-        for row in files.read_candidates(table)
-    ]  # fmt: skip
+        for row in files.read_candidates(table)]  # fmt: skip
     question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
     with stages_on_terminal("fit and limits") as show:
@@ -137,10 +135,8 @@ def sensitivity(arguments: options.Sensitivity) -> int:
     if arguments.knees:
         return _knees_side_by_side(arguments)
     # A count is a whole number; what is none is refused as it was given.
-    lines = {
-        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-        for name, ends in vars(arguments)["sweep"].items()
-    }
+    lines = {name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+             for name, ends in vars(arguments)["sweep"].items()}  # fmt: skip
     question = arguments.question(sweep=lines)
     study = studies.read_study(arguments.study)
     with stages_on_terminal() as progress:
@@ -165,8 +161,7 @@ def _knees_side_by_side(arguments: options.Sensitivity) -> int:
     from kneejax.papers import knee_comparison, knee_comparison_report
 
     with stages_on_terminal("knees") as show:
-        progress = functools.partial(show, "knees")
-        found = knee_comparison.compare_knees(knees, progress=progress)
+        found = knee_comparison.compare_knees(knees, progress=functools.partial(show, "knees"))
     return deliver(knee_comparison_report.comparison_answer(found), arguments)
 
 
@@ -209,10 +204,8 @@ def _write_knees(arguments: options.PlanAcl, result: planning.PlanResult) -> lis
     if result.optimum is not None:
         known["optimum"] = result.optimum.outcome
     base = files.restated(plan.document, plan.own, f"set by the plan: {plan.title}")
-    written = []
+    known = {word: x for word, x in known.items() if np.isfinite(x.slack_mm[0]).all()}
     for word, outcome in known.items():
-        if not np.isfinite(outcome.slack_mm[0]).all():
-            continue
         knee = planning.knee_of_outcome(plan.surgery, outcome)
         tension = " and ".join(f"{x:.4g}" for x in outcome.choices[0, 4 :: len(planning.CHOICES)])
         about = f"{plan.ligament} replaced by a {plan.graft.name} graft, {word} ({plan.title})"
@@ -222,16 +215,12 @@ def _write_knees(arguments: options.PlanAcl, result: planning.PlanResult) -> lis
         document["name"] = f"{plan.own.name} {word}"
         document["description"] = f"{document['description'].strip()}; {about}"
         files.write_knee(document, arguments.out / f"{word}.yaml", _COMMENT.format(about))
-        written.append(f"{word}.yaml")
-    return written
+    return [f"{word}.yaml" for word in known]
 
 
 def reproduce(arguments: options.Reproduce) -> int:
-    """Reproduce one of papers 1 to 5.
-
-    A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
-    something computed on the way is doubtful.
-    """
+    """Reproduce one of papers 1 to 5. A claim that is not reproduced is an answer like any other:
+    status 0. Status 1 says that something computed on the way is doubtful."""
     given = {name: getattr(arguments, name) for name in ("knee", "patella")}
     known = {name: value for name, value in given.items() if value}
     paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")

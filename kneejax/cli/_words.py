@@ -117,11 +117,9 @@ def expected_of(field: FieldInfo, error: Mapping[str, Any]) -> str:
         return "a finite number"
     kind = plain_type(field.annotation)
     number = "a whole number" if kind is int else "a number"
-    limits = {
-        name: f"{limit:,.0f}" if limit >= 1e4 else f"{limit:g}"
-        for mark in field.metadata for name in _LIMITS
-        if (limit := getattr(mark, name, None)) is not None
-    }  # fmt: skip
+    limits = {name: f"{limit:,.0f}" if limit >= 1e4 else f"{limit:g}"
+              for mark in field.metadata for name in _LIMITS
+              if (limit := getattr(mark, name, None)) is not None}  # fmt: skip
     unit = (field.alias or "").rpartition("-")[2]
     if {"ge", "le"} <= limits.keys():
         of = f" {unit}" if unit in _UNITS else ""

@@ -24,10 +24,8 @@ _COHORT_FILE, _STUDY_FILE = "cohort.yaml", "study.yaml"
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 #: Fields of a study in which a column names an entry, dots and all: `set.ACL.stiffness`.
 _WITH_ENTRIES = ("start", "bounds", "prior", "set", "weights", "loads", "measured", "synthetic")
-_COLUMNS = (
-    "name, side, about's, or a field of the study: knee, measured.file, TEST.file, noise_mm, "
-    "set.ACL.stiffness, ..."
-)
+_COLUMNS = ("name, side, about's, or a field of the study: knee, measured.file, TEST.file, "
+            "noise_mm, set.ACL.stiffness, ...")  # fmt: skip
 
 
 def _template(value: Any, info: ValidationInfo) -> Any:
@@ -46,11 +44,11 @@ def _knees(value: Any, info: ValidationInfo) -> Any:
     if not isinstance(value, list):
         kind = "a CSV table with one row a knee, or a list of knees"
         return Path(studies.file_named(value, info, kind))
+    expected = "a mapping with the field name, and what differs"
     mistakes = Mistakes()
-    for number, row in enumerate(reading.items(value, "knees")):
-        if not isinstance(row, dict):
-            expected = "a mapping with the field name, and what differs"
-            mistakes.append(wrong(row, expected, at=f"[{number}]"))
+    mistakes += [wrong(row, expected, at=f"[{number}]")
+                 for number, row in enumerate(reading.items(value, "knees"))
+                 if not isinstance(row, dict)]  # fmt: skip
     mistakes.check()
     return value
 
@@ -60,14 +58,11 @@ class CohortFile(Part):
 
     title: Text = meaning("for reports")
     study: Annotated[Any, PlainValidator(_template)] = meaning(
-        "the template: a study file, a bundled study, or its fields"
-    )
+        "the template: a study file, a bundled study, or its fields")
     knees: Annotated[Any, PlainValidator(_knees)] = meaning(
-        "CSV table with one row a knee, or a list"
-    )
+        "CSV table with one row a knee, or a list")
     about: Annotated[tuple[Text, ...], entries("columns")] = meaning(
-        "columns that are carried along", ()
-    )
+        "columns that are carried along", ())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -141,13 +136,13 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         InputProblem: there is no cohort at all.
     """
     path, mistakes = Path(name_or_path), Mistakes()
-    seen: dict[str, Member] = {}
     own = path / _COHORT_FILE if os.path.isdir(path) else path
     title, file, found = path.name, os.fspath(name_or_path), _from_studies(path, mistakes)
     if os.path.isfile(own):
         document = load_yaml(own, "a cohort file")
         whole = reading.checked(CohortFile, document, os.fspath(own), folder=own.parent)
         title, file, found = whole.title, os.fspath(own), _from_rows(whole, own, mistakes)
+    seen: dict[str, Member] = {}
     twice = []
     for name, document, place, folder, about in found:
         with mistakes.gathered():
@@ -200,18 +195,18 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         if not isinstance(template, dict):
             raise files.InputProblem(path, "file", template, "a study file")
     if isinstance(whole.knees, list):
-        places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
-        rows = whole.knees
+        rows = {f"{own}: knees[{number}]": row for number, row in enumerate(whole.knees)}
     else:
         from kneejax.files.tables.tables import Table  # imports JAX
 
         table = Table.read(whole.knees, ["name"])
-        places = [f"{whole.knees}: row {number}" for number in range(1, len(table.rows) + 1)]
-        cells = [dict(zip(table.header, texts, strict=True)) for _, texts in table.rows]
         # A name may be a number, or the word no.
-        rows = [{k: x.strip() if k == "name" else _value(x) for k, x in one.items() if x.strip()}
-                for one in cells]  # fmt: skip
-    for place, row in zip(places, rows, strict=True):
+        rows = {
+            f"{whole.knees}: row {number}": {
+                column: cell.strip() if column == "name" else _value(cell)
+                for column, cell in zip(table.header, cells, strict=True) if cell.strip()}
+            for number, (_, cells) in enumerate(table.rows, 1)}  # fmt: skip
+    for place, row in rows.items():
         name = str(row.get("name", ""))
         # A name that is too long is refused below; here it only says which row is meant.
         place = f"{place} ({textwrap.shorten(name, 60, placeholder='...')})" if name else place
@@ -234,11 +229,8 @@ def _overlaid(
     place: str, cells: Mapping[str, Any], template: Mapping[str, Any], folder: Path, beside: Path,
     about: Sequence[str],
 ) -> tuple[dict[str, float | str], dict[str, Any]]:  # fmt: skip
-    """What else is known of a row's knee, and the fields of its study.
-
-    Files of the row are relative to the folder `beside`, those of the template to `folder`, and so
-    are those of the study.
-    """
+    """What else is known of a row's knee, and the fields of its study. Files of the row are
+    relative to the folder `beside`, those of the template and of the study to `folder`."""
     if not str(cells.get("name", "")).strip():
         raise files.InputProblem(place, "name", "missing", "a name for this knee")
     known, document = {}, copy.deepcopy(dict(template))

@@ -5,11 +5,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from kneejax.cohorts._reading import Cohort
+from kneejax.cohorts._reading import Member
 from kneejax.files.reading import read_text
 from kneejax.geometry import BY_COORDINATE, FREE_COORDINATES
 from kneejax.inference.population import Population, in_log, population
@@ -64,6 +64,21 @@ class KneeAnswer:
     correlation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
     good: bool = False
 
+    @classmethod
+    def read(cls, member: Member, mark: Mapping[str, Any], folder: Path) -> Self:
+        """What became of a member of a cohort, whose mark says why it `failed`, if it did, and the
+        `seconds` that it took; its result stands in a folder."""
+        if mark["failed"]:
+            return cls(member.name, member.about, mark["failed"], seconds=mark["seconds"])
+        text = read_text(folder / "result.json", "the result of a knee")
+        result = json.loads(text, object_hook=_without_null)
+        tests = {f"{one['test']}, {one['coordinate']}": one["fitted"]
+                 for one in result["tests"] if math.isnan(one["flexion_deg"])}  # fmt: skip
+        return cls(member.name, member.about, seconds=mark["seconds"], tests=tests,
+                   correlation=np.array(result["correlation"]["matrix"], float),
+                   good=bool(result["success"]) and result["outcome"] != POOR,
+                   **{name: result[name] for name in _OF_RESULT})  # fmt: skip
+
 
 class Outlier(NamedTuple):
     """A parameter of a knee that is far from the population's mean: its estimate, and the distance
@@ -108,10 +123,10 @@ class CohortSummary(Named):
         over = [self.populations.get(name) for name in names]
         size, count = len(answers), len(names)
         longest = max(map(len, self.draws.values()), default=0)
-        estimates = [[one.parameters.get(name) for name in names] for one in answers]
 
         def table(kind: str, absent: Any) -> np.ndarray:
-            rows = [[absent if one is None else one[kind] for one in row] for row in estimates]
+            rows = [[one.parameters.get(name, {}).get(kind, absent) for name in names]
+                    for one in answers]  # fmt: skip
             return np.reshape(np.array(rows, type(absent)), (size, count))
 
         numbers = {name: table(name, np.nan) for name in _NUMBERS}
@@ -142,8 +157,7 @@ class CohortSummary(Named):
             "mean": ("parameter", [np.nan if x is None else x.mean for x in over]),
             "spread": ("parameter", [np.nan if x is None else x.spread for x in over]),
             "logarithm": ("parameter", [x is not None and x.log for x in over]),
-            "correlation_over_knees": (("parameter", "other_parameter"), self.correlation),
-        }
+            "correlation_over_knees": (("parameter", "other_parameter"), self.correlation)}
         if self.draws:
             data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
         places = {"knee": ("knee", [one.name for one in answers]),
@@ -166,44 +180,18 @@ class CohortSummary(Named):
                 return float(own.std(ddof=1)), float(low), float(high)
         return np.nan, np.nan, np.nan
 
+    def next_prior(self) -> dict[str, Any]:
+        """What the cohort says of a knee of which nothing is measured, as a study takes it: `start`
+        and `prior`, parameter -> mean and standard deviation, in its own unit; and what a
+        structure's stiffness means in it (`kneejax.parameters.MEANING`)."""
+        pairs = {name: found.prior for name, found in self.populations.items()}
+        return {"start": {name: float(f"{mean:.6g}") for name, (mean, _) in pairs.items()},
+                "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()}, **MEANING}
+
     @property
     def fitted(self) -> tuple[KneeAnswer, ...]:
         """Knees that have an answer."""
         return tuple(one for one in self.answers if not one.failed)
-
-
-def read_answers(
-    cohort: Cohort, ended: Mapping[str, Mapping[str, Any]], folders: Path
-) -> tuple[KneeAnswer, ...]:
-    """Read what the tasks of a cohort have found.
-
-    Args:
-        cohort: whose knees.
-        ended: name -> why there is no answer (`failed`, empty where there is one), and the
-            `seconds` that it took; knees that are missing are left out.
-        folders: in which each knee has a folder of its name.
-
-    Returns:
-        One a knee, in the order of the cohort.
-    """
-    found = []
-    for member in cohort.members:
-        if (mark := ended.get(member.name)) is None:
-            continue
-        own: dict[str, Any] = {name: mark[name] for name in ("failed", "seconds")}
-        if not mark["failed"]:
-            text = read_text(folders / member.name / "result.json", "the result of a knee")
-            result = json.loads(text, object_hook=_without_null)
-            own |= {name: result[name] for name in _OF_RESULT}
-            own["correlation"] = np.array(result["correlation"]["matrix"], float)
-            own["good"] = bool(result["success"]) and result["outcome"] != POOR
-            own["tests"] = {
-                f"{one['test']}, {one['coordinate']}": one["fitted"]
-                for one in result["tests"]
-                if math.isnan(one["flexion_deg"])
-            }
-        found.append(KneeAnswer(member.name, member.about, **own))
-    return tuple(found)
 
 
 def _without_null(read: dict[str, Any]) -> dict[str, Any]:
@@ -235,17 +223,16 @@ def summed_up(
         populations[name] = found
         with np.errstate(invalid="ignore"):
             away = (values - found.mean) / np.sqrt(found.next_deviation**2 + errors**2)
-        outliers += [
-            Outlier(fitted[row].name, name, fitted[row].parameters[name]["value"], float(away[row]))
-            for row in np.flatnonzero(np.abs(np.nan_to_num(away)) > OUTLIER)
-        ]
+        for row in np.flatnonzero(np.abs(np.nan_to_num(away)) > OUTLIER):
+            value = fitted[row].parameters[name]["value"]
+            outliers.append(Outlier(fitted[row].name, name, value, float(away[row])))
     outliers.sort(key=lambda one: -abs(one.deviations))
     correlation = np.full((len(units), len(units)), np.nan)
-    for i, one in enumerate(middles):
-        for j, other in enumerate(middles):
-            both = np.isfinite(one) & np.isfinite(other)
-            if both.sum() >= _FEWEST_KNEES and np.ptp(one[both]) > 0 and np.ptp(other[both]) > 0:
-                correlation[i, j] = np.corrcoef(one[both], other[both])[0, 1]
+    for i, j in np.ndindex(correlation.shape):
+        both = np.isfinite(middles[i]) & np.isfinite(middles[j])
+        one, other = middles[i][both], middles[j][both]
+        if both.sum() >= _FEWEST_KNEES and np.ptp(one) > 0 and np.ptp(other) > 0:
+            correlation[i, j] = np.corrcoef(one, other)[0, 1]
     return CohortSummary(title, tuple(answers), units, populations, correlation, tuple(outliers),
                          dict(draws or {}))
 
@@ -260,18 +247,3 @@ def _told(estimate: Mapping[str, Any] | None, log: bool, good: bool) -> tuple[fl
     ends = np.log(ends) if log else ends
     # Limits of a profile lie around where the likelihood is largest, to first order in the middle.
     return float(ends.mean()), float(np.ptp(ends) / (2.0 * _HALF))
-
-
-def next_prior(summary: CohortSummary) -> dict[str, Any]:
-    """What the cohort says of a knee of which nothing is measured, as a study takes it.
-
-    Args:
-        summary: of the cohort.
-
-    Returns:
-        `start` and `prior`: parameter -> mean and standard deviation, in its own unit; and what a
-        structure's stiffness means in it (`kneejax.parameters.MEANING`).
-    """
-    pairs = {name: found.prior for name, found in summary.populations.items()}
-    return {"start": {name: float(f"{mean:.6g}") for name, (mean, _) in pairs.items()},
-            "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()}, **MEANING}

@@ -134,10 +134,8 @@ def synthesise(count: int, seed: int = 0, knee: str = "four_ligament", spread: S
                 yield dataclasses.replace(made, redrawn=redrawn)
                 break
         else:
-            raise UnsuitableData(
-                f"{name}: {_MOST_DRAWS} draws in a row have no balance at some flexion or load: "
-                "expected narrower distributions"
-            )
+            raise UnsuitableData(f"{name}: {_MOST_DRAWS} draws in a row have no balance at some "
+                                 "flexion or load: expected narrower distributions")
 
 
 def _drawn(
@@ -150,14 +148,14 @@ def _drawn(
         for end in _ENDS:
             moved = np.array(ligament[end]) + spread.attachment_mm * _cut_normal(draws, (3,))
             ligament[end] = moved.round(4).tolist()
-    own["description"] = (
-        f"Made-up knee {name}: {document['name']}, {size:.4f} times as large, attachments moved"
-    )
+    own["description"] = (f"Made-up knee {name}: {document['name']}, {size:.4f} times as large, "
+                          "attachments moved")
     names, count = base.ligaments.names, len(base.ligaments.names)
     stiffness = np.exp(spread.stiffness * draws.standard_normal(count)) * base.ligaments.stiffness
     strain = base.reference_strain() + spread.reference_strain * draws.standard_normal(count)
-    truth = {f"{one}.stiffness": float(x) for one, x in zip(names, stiffness, strict=True)}
-    truth |= {f"{one}.reference_strain": float(x) for one, x in zip(names, strain, strict=True)}
+    truth = {f"{one}.{quantity}": float(x)
+             for quantity, values in (("stiffness", stiffness), ("reference_strain", strain))
+             for one, x in zip(names, values, strict=True)}  # fmt: skip
     try:
         true = build_knee(own, name).knee.replace(truth)
     except Implausible:  # a strain or a length that no knee has
@@ -169,9 +167,9 @@ def _drawn(
         return None
     sd = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3)
     passive[:, 1:] += sd * draws.standard_normal((len(passive), 5))
+    stated = {"sd_mm": spread.noise_mm, "sd_deg": spread.noise_deg}
     for k, test in enumerate(tests):
         seen = test.observed + sd * draws.standard_normal(test.observed.shape)
-        stated = {"sd_mm": spread.noise_mm, "sd_deg": spread.noise_deg}
         tests[k] = dataclasses.replace(test, observed=seen, **stated)
     return MadeUpKnee(name, own, passive, tuple(tests), truth, float(size), 0)
 
@@ -187,12 +185,9 @@ def _cut_normal(draws, shape: tuple[int, ...]) -> np.ndarray:
 def _scaled(value: Any, size: float, length: bool = False) -> Any:
     """Every length in a document times a size; all but those that do not grow with a knee."""
     if isinstance(value, dict):
-        return {
-            name: one if name == "source" else
-            _scaled(one, size, str(name).endswith("_mm") and name not in _NOT_SIZE)
-            for name, one in value.items()
-            if name != "adaptations"
-        }  # fmt: skip
+        return {name: one if name == "source" else
+                _scaled(one, size, str(name).endswith("_mm") and name not in _NOT_SIZE)
+                for name, one in value.items() if name != "adaptations"}  # fmt: skip
     if isinstance(value, list):
         return [_scaled(one, size, length) for one in value]
     return round(value * size, 6) if length and isinstance(value, int | float) else value

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import identify as identify
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
+    from kneejax.studies._fields import Identify as Identify
+    from kneejax.studies._fields import Map as Map
+    from kneejax.studies._fields import Sensitivity as Sensitivity
     from kneejax.studies._fields import file_named as file_named
     from kneejax.studies._fields import misspelt as misspelt
     from kneejax.studies._maps import about_maps as about_maps
     from kneejax.studies._maps import fingerprint as fingerprint
     from kneejax.studies._maps import plain_test as plain_test
     from kneejax.studies._maps import sensitivity_map as sensitivity_map
-    from kneejax.studies._options import Identify as Identify
-    from kneejax.studies._options import Map as Map
-    from kneejax.studies._options import Sensitivity as Sensitivity
     from kneejax.studies._progress import stages_on_terminal as stages_on_terminal
     from kneejax.studies._schema import FAULTS as FAULTS
     from kneejax.studies._schema import STUDY_FIELDS as STUDY_FIELDS

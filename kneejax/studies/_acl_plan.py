@@ -2,10 +2,10 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, ValidationInfo, model_validator
+from pydantic import BeforeValidator, ValidationInfo
 
 from kneejax import files, planning
 from kneejax.files import reading
@@ -37,14 +37,12 @@ def _angles(value: Any) -> np.ndarray:
 
 
 def _tensions(value: Any) -> tuple[float, ...] | float:
+    """One number for all bundles, or one each."""
     several = isinstance(value, list)
     return reading.numbers(value, None, _TENSION) if several else reading.number(value, _TENSION)
 
 
 Half = Annotated[float, reads(reading.number, _HALF)]
-Force = Annotated[float, reads(reading.number, _FORCE)]
-#: One number for all bundles, or one each.
-Tensions = Annotated[tuple[float, ...] | float, reads(_tensions)]
 Places = Annotated[Any, reads(reading.rows, 2, _PLACE)]
 SemiAxes = Annotated[tuple[float, float], reads(reading.numbers, 2, _HALF)]
 Mesh = Annotated[Path, BeforeValidator(_mesh)]
@@ -65,7 +63,8 @@ class Fixation(Part):
     """How the graft is fixed."""
 
     flexion_deg: Number = meaning("of the knee meanwhile", 20.0)
-    tension_N: Tensions = meaning("of each bundle", 80.0)
+    tension_N: Annotated[tuple[float, ...] | float, reads(_tensions)] = meaning(
+        "of each bundle", 80.0)
 
 
 class Tunnels(Part):
@@ -95,21 +94,19 @@ class Lachman(Part):
     flexion_deg: Annotated[
         tuple[float, ...], reading.numbers_within(None, "flexion_deg")
     ] = meaning("at which", (20.0, 90.0))
-    force_N: Force = meaning("on the tibia, anterior", 100.0)
+    force_N: Annotated[float, reads(reading.number, _FORCE)] = meaning(
+        "on the tibia, anterior", 100.0)
 
 
 class PlanLimits(Part):
     """What a good reconstruction keeps."""
 
     graft_N: Annotated[float, reads(reading.number, _GRAFT)] = meaning(
-        "the most in the graft", 400.0
-    )
+        "the most in the graft", 400.0)
     laxity_band_mm: Annotated[float, reads(reading.number, _BAND)] = meaning(
-        "about the intact knee's", 2.0
-    )
+        "about the intact knee's", 2.0)
     tension_N: Annotated[tuple[float, float], reads(reading.interval, _TENSION)] = meaning(
-        "at fixation, least and most", (20.0, 150.0)
-    )
+        "at fixation, least and most", (20.0, 150.0))
 
 
 class Map(Part):
@@ -128,12 +125,11 @@ class Optimum(Part):
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
-    @model_validator(mode="after")
-    def _check_count(self) -> Self:
+    @reading.checks
+    def _check_count(self, _: Mistakes) -> None:
         if self.evaluations is not None and self.evaluations <= self.starts:
             expected = f"a whole number from {self.starts + 1} to 10000"
             raise wrong(self.evaluations, expected, at="evaluations")
-        return self
 
 
 class Front(Part):
@@ -156,8 +152,7 @@ class PlanFields(Part):
     footprints: Footprints = meaning("on both bones, mm", Footprints)
     bones: Bones = meaning("meshes", Bones)
     flexion_deg: Annotated[Any, reads(_angles)] = meaning(
-        "through which the knee is extended", lambda: _angles("80:0:-2.5")
-    )
+        "through which the knee is extended", lambda: _angles("80:0:-2.5"))
     lachman: Lachman = meaning("flexions and force", Lachman)
     window: Annotated[int, reads(whole, 0, 1000)] = meaning("of time warping", planning.WINDOW)
     limits: PlanLimits = meaning("of graft force, laxity and tension", PlanLimits)
@@ -166,12 +161,11 @@ class PlanFields(Part):
     optimum: Annotated[Optimum | None, Switch] = meaning("the search; false for none", Optimum)
     front: Annotated[Front | None, Switch] = meaning("true for one", None)
     draws: Annotated[int, reads(whole, 2, 4096)] | None = meaning(
-        "of the calibration that the knee comes from", None
-    )
+        "of the calibration that the knee comes from", None)
 
-    @model_validator(mode="after")
-    def _check_together(self) -> Self:
-        graft, mistakes = GRAFTS[self.graft.type], Mistakes()
+    @reading.checks
+    def _check_together(self, mistakes: Mistakes) -> None:
+        graft = GRAFTS[self.graft.type]
         count, tension = self.graft.bundles, self.fixation.tension_N
         with mistakes.gathered("fixation.tension_N"):
             several = isinstance(tension, tuple)
@@ -192,8 +186,6 @@ class PlanFields(Part):
             expected = (f"no draws of {self.knee}: a knee that is the result.json of a calibration "
                         "has them")  # fmt: skip
             mistakes.append(wrong(self.draws, expected, at="draws"))
-        mistakes.check()
-        return self
 
 
 def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> AclPlan:
@@ -242,8 +234,7 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     tibia, femur = (
         planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
                      mesh and files.bone_surface(mesh))
-        for bone, mesh in ((TIBIA, plan.bones.tibia), (FEMUR, plan.bones.femur))
-    )  # fmt: skip
+        for bone, mesh in ((TIBIA, plan.bones.tibia), (FEMUR, plan.bones.femur)))  # fmt: skip
     on_bones = []
     for place, stated in ((tibia, plan.tunnels.tibia_mm), (femur, plan.tunnels.femur_mm)):
         with mistakes.gathered(f"tunnels.{place.bone}_mm"):
@@ -262,8 +253,7 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
             reconstruction, tibia, femur, replaced, plan.fixation.flexion_deg,
             planning.Protocol(plan.flexion_deg, tests.flexion_deg, tests.force_N, _STEPS),
             plan.window,
-            planning.Limits(*(x for _, x in plan.limits)),
-        ),
+            planning.Limits(*(x for _, x in plan.limits))),
         own=knee, ligament=plan.ligament, graft=graft,
         base=np.hstack([*on_bones, np.array(tensions)[:, None]]).ravel(),
         octagon_mm=plan.octagon_apothem_mm, map_points=plan.map.points if plan.map else 0,
@@ -272,8 +262,7 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
         evaluations=optimum.evaluations or max(planning.MOST_EVALUATIONS, optimum.starts + 1),
         population=plan.front.population if plan.front else 0,
         generations=plan.front.generations if plan.front else planning.GENERATIONS, drawn=drawn,
-        held=held, said=document, document=read.document, file=file,
-    )  # fmt: skip
+        held=held, said=document, document=read.document, file=file)
 
 
 def _tunnels(stated: Any, footprint: Footprint, bundles: int) -> np.ndarray:
@@ -336,9 +325,7 @@ def drawn_parameters(
             if all(one is None or one.holds(x) for one, x in zip(ranges, values, strict=True)):
                 break
         else:
-            values = np.array([
-                x if one is None else np.clip(x, one.lower, one.upper)
-                for one, x in zip(ranges, values, strict=True)
-            ])  # fmt: skip
+            values = np.array([x if one is None else np.clip(x, one.lower, one.upper)
+                               for one, x in zip(ranges, values, strict=True)])  # fmt: skip
         answer.append(dict(zip(names, values.tolist(), strict=True)))
     return answer, held

@@ -11,23 +11,17 @@ import numpy as np
 from kneejax import inference
 from kneejax.files import Calibrated, InputProblem
 from kneejax.inference import Calibration, Design, Identification, LocalSensitivity, MotionIndices
+from kneejax.inference import sensitivity as checks
 from kneejax.inference.bayesian import check_counts, parameter_priors
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.calibration import CalibrationProblem
 from kneejax.inference.design import check_tests
 from kneejax.inference.identification import check_enough
-from kneejax.inference.sensitivity import (
-    USUAL_COUNT,
-    USUAL_SAMPLES,
-    index_ranges,
-    step_widths,
-    sweep_values,
-)
+from kneejax.inference.sensitivity import USUAL_COUNT, USUAL_SAMPLES
 from kneejax.numerics import Named, adding_up, check_installed, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData, stated
-from kneejax.studies._fields import UNITS
+from kneejax.studies._fields import UNITS, Identify, Map, Sensitivity
 from kneejax.studies._maps import check_map
-from kneejax.studies._options import Identify, Map, Sensitivity
 from kneejax.studies._progress import Asked, progress_of
 from kneejax.studies._study import Study
 
@@ -127,10 +121,8 @@ def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
     solved = [one for one in problems if isinstance(one, CalibrationProblem)]
     found = iter(inference.calibrate_side_by_side(solved))
     answers = [one if isinstance(one, Exception) else next(found) for one in problems]
-    return [
-        dataclasses.replace(one, knee=study.knee.name) if isinstance(one, Calibration) else one
-        for one, study in zip(answers, studies, strict=True)
-    ]
+    return [dataclasses.replace(one, knee=study.knee.name) if isinstance(one, Calibration) else one
+            for one, study in zip(answers, studies, strict=True)]  # fmt: skip
 
 
 def bootstrapped(
@@ -199,8 +191,7 @@ def identify(
             sampled = inference.posterior(
                 found.problem, found.vector, float(found.noise[2]), float(found.noise[0]),
                 priors=options.prior, bounds=study.limits, chains=options.chains,
-                draws=options.draws, seed=options.seed, truth=study.truth, progress=drawn,
-            )  # fmt: skip
+                draws=options.draws, seed=options.seed, truth=study.truth, progress=drawn)
         if show is not None:
             show("tests to make next", 0, 0)
         design = inference.design_tests(found.selection, study.knee_at_start, found.information,
@@ -257,8 +248,7 @@ def sensitivity(
                 offsets=study.frame_offset, bounds=study.limits, ranges=options.range,
                 priors=options.prior, method=options.indices, samples=options.samples,
                 seed=options.seed, failures=study.counted_failures,
-                progress=show and functools.partial(show, "indices"),
-            )  # fmt: skip
+                progress=show and functools.partial(show, "indices"))  # fmt: skip
             seconds["global"] = time.perf_counter() - begun
     return Sensitivities(study, options, measured, local, sweeps, indices, seconds)
 
@@ -298,14 +288,14 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
             check_map(study, options)
         case Sensitivity():
             _passive_alone(study, ["loads", "tests"], "sensitivities are")
-            sweep_values(knee, _swept(study, options))
+            checks.sweep_values(knee, _swept(study, options))
             stated(selection, options.prior, "prior")
             width = np.asarray(selection.read(knee))
-            step_widths(selection, width, options.scale, options.prior)
+            checks.step_widths(selection, width, options.scale, options.prior)
             if options.indices is not None:
                 check_installed("SALib", "sensitivity")
-                index_ranges(knee, selection, study.limits, options.range, options.prior,
-                             method=options.indices, samples=_samples(options))  # fmt: skip
+                checks.index_ranges(knee, selection, study.limits, options.range, options.prior,
+                                    method=options.indices, samples=_samples(options))
 
 
 def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:
@@ -339,7 +329,5 @@ def _swept(study: Study, options: Sensitivity) -> dict[str, np.ndarray | None]:
     """Name or wildcard -> values, None for the usual ones."""
     asked: Mapping[str, Any] = options.sweep or dict.fromkeys(study.parameters)
     count = {name: int(line[2]) for name, line in asked.items() if line and line[2:]}
-    return {
-        name: None if line is None else np.linspace(line[0], line[1], count.get(name, USUAL_COUNT))
-        for name, line in asked.items()
-    }
+    return {name: line and np.linspace(line[0], line[1], count.get(name, USUAL_COUNT))
+            for name, line in asked.items()}  # fmt: skip

@@ -1,5 +1,11 @@
-"""Types of the fields of studies, plans and questions: parameters, angles, loads, objects."""
+"""Types of the fields of studies, plans and questions: parameters, angles, loads, objects; and what
+may be asked of a study: one model a command, whose fields are the command's options.
 
+An option has the name of its field, but for `indices`, which is `--global`. No JAX is imported.
+"""
+
+import dataclasses
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -9,28 +15,26 @@ from pydantic import GetCoreSchemaHandler, PlainValidator, ValidationInfo
 from pydantic_core import core_schema
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Part, by_parameter, interval, plain, reads, wrong
-from kneejax.quantities import FIBRE_QUANTITIES, RANGES, nearest_name
+from kneejax.files.reading import Choice, InputProblem, Part, by_parameter, meaning, reads, wrong
+from kneejax.quantities import FIBRE_QUANTITIES, RANGES, Range, nearest_name
 
 if TYPE_CHECKING:
     from numpy import ndarray
+
+    from kneejax.inference import Candidate
 else:
     # Options are read, and help is printed, without NumPy.
-    ndarray = Any
+    ndarray = Candidate = Any
 
 
 class Options(Part):
-    """What a command is asked for, as one model for the command line and for Python.
-
-    Raises:
-        InputProblem: a field is not what it should be; `InputProblems` where several are. In the
-            place of a file stands the name of the field.
-    """
+    """What a command is asked for, as one model for the command line and for Python. In errors the
+    name of a field stands in the place of a file."""
 
     def __init__(self, **fields: Any):
         """Check all fields."""
         try:
-            reading.fill(self, plain(fields))
+            reading.fill(self, reading.plain(fields))
         except ValueError as found:
             every = [*getattr(found, "problems", (found,))]
             for row, one in enumerate(every):
@@ -108,7 +112,7 @@ def angles(value: Any) -> ndarray:
 
     if isinstance(value, str):
         return parse_flexion(value, "", "")
-    return array(reading.numbers(plain(value), None, RANGES["flexion_deg"]))
+    return array(reading.numbers(reading.plain(value), None, RANGES["flexion_deg"]))
 
 
 #: Free coordinate -> its unit, in the order of `kneejax.geometry.FREE_COORDINATES`.
@@ -121,8 +125,129 @@ Seed = Annotated[int, reads(reading.whole, 0)]
 Parameter = Annotated[str, reads(reading.parameter_name)]
 Angles = Annotated[ndarray, reads(angles)]
 Values = Annotated[dict[str, float], PlainValidator(by_parameter(reading.number))]
-Interval = Annotated[tuple[float, float], reads(interval)]
-Intervals = Annotated[dict[str, tuple[float, float]], PlainValidator(by_parameter(interval))]
-Convention = Annotated[Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"],
-                       reading.Choice()]
-LoadName = Literal["lateral_N", "anterior_N", "compression_N", "varus_Nm", "internal_Nm"]
+Interval = Annotated[tuple[float, float], reads(reading.interval)]
+Intervals = Annotated[
+    dict[str, tuple[float, float]], PlainValidator(by_parameter(reading.interval))]
+Convention = Annotated[Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], Choice()]
+#: As `kneejax.mechanics.NAMED_LOADS`.
+LOAD_NAMES = ("lateral_N", "anterior_N", "compression_N", "varus_Nm", "internal_Nm")
+
+
+def _noise(name: str):
+    # Nothing is measured without noise.
+    return reads(reading.number, dataclasses.replace(RANGES[name], or_zero=False))
+
+
+def _spread(value: Any, allowed: Range | None) -> float:
+    return reading.number(value, allowed and allowed.spread)
+
+
+def _normal(value: Any, allowed: Range | None) -> tuple[float, float]:
+    """Mean and standard deviation, which may be infinite."""
+    mean, width = reading.items(value, "numbers", 2)
+    reading.number(mean, allowed)
+    return mean, width if width == math.inf else _spread(width, allowed)
+
+
+def _points(value: Any) -> list[int]:
+    try:
+        return [reading.whole(one, 2, 2000) for one in reading.items(value, "points", 2)]
+    except InputProblem as problem:
+        raise wrong(problem.value, problem.expected, at="points") from None
+
+
+def _line(value: Any, allowed: Range | None) -> tuple[float, ...] | None:
+    """A first and a last value, and how many; None for the usual ones."""
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) not in (2, 3):
+        raise wrong(value, "a first and a last value, and how many if not as many as usual")
+    count = tuple(reading.whole(one, 2, 1000) for one in value[2:])
+    return reading.interval(value[:2], allowed) + count
+
+
+class Identify(Options):
+    """Asks what the data determine, what they do not, and what should be measured next.
+
+    Example:
+        >>> from kneejax import Identify
+        >>> Identify(next_tests=2).next_tests
+        2
+    """
+
+    noise_mm: Annotated[float, _noise("noise_mm")] | None = meaning(
+        "standard deviation of measured positions; the study's otherwise", None)
+    noise_deg: Annotated[float, _noise("noise_deg")] | None = meaning(
+        "standard deviation of measured rotations; the study's otherwise", None)
+    prior: Annotated[
+        dict[str, tuple[float, float]], PlainValidator(by_parameter(_normal))] = meaning(
+        "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
+        "wildcard, for the posterior", dict)
+    posterior: reading.Flag = meaning("sample it (packages BlackJAX and ArviZ)", False)
+    chains: Annotated[int, reads(reading.whole, 1, 1000)] = meaning("of the posterior's samples", 4)
+    draws: Annotated[int, reads(reading.whole, 1, 1_000_000)] = meaning(
+        "of each chain, after warm-up", 1000)
+    seed: Seed = meaning("of the random numbers", 0)
+    next_tests: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
+        "how many tests to choose", 3)
+    criterion: Annotated[Literal["D", "A"], Choice()] = meaning(
+        "what they make small: the volume of the confidence region (D), or the mean squared "
+        "standard error (A)", "D")
+    candidates: tuple[Candidate, ...] | None = meaning(
+        "tests to choose from; a usual set otherwise", None)
+
+
+class Map(Options):
+    """Asks how the objective looks over pairs of parameters.
+
+    Example:
+        >>> from kneejax import Map
+        >>> Map(pair=[("ACL.stiffness", "PCL.stiffness")], grid=(21, 21)).grid
+        (21, 21)
+    """
+
+    pair: Annotated[
+        tuple[tuple[reading.Text, reading.Text], ...], reading.entries("pairs", empty=True)
+    ] = meaning("two parameters, the first along x", ())
+    all_pairs: reading.Flag = meaning("every pair of the study's parameters", False)
+    grid: Annotated[tuple[int, int], reads(_points)] = meaning("points along x and y", (41, 41))
+    range: Intervals = meaning(
+        "parameter -> lowest and highest value; the study's bounds otherwise", dict)
+
+
+class Sensitivity(Options):
+    """Asks what each parameter does to the motion.
+
+    Example:
+        >>> from kneejax import Sensitivity
+        >>> Sensitivity(scale="percent").scale
+        'percent'
+    """
+
+    sweep: Annotated[
+        dict[str, tuple[float, ...] | None], PlainValidator(by_parameter(_line))] = meaning(
+        "name or wildcard -> first and last value, and how many if not as many as usual; all of "
+        "the study's parameters otherwise", dict)
+    scale: Annotated[Literal["prior", "percent"], Choice()] = meaning(
+        "local derivatives per standard deviation of a prior, or per per cent", "prior")
+    prior: Annotated[dict[str, float], PlainValidator(by_parameter(_spread))] = meaning(
+        "standard deviation of a parameter or wildcard; usual ones otherwise", dict)
+    indices: Annotated[Literal["sobol", "morris"], Choice()] | None = meaning(
+        "global indices of the motion too (package SALib)", None)
+    samples: Annotated[int, reads(reading.whole, 0, 1_000_000)] | None = meaning(
+        "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
+        None)
+    range: Intervals = meaning("of a parameter, for global indices; as wide as its prior otherwise",
+                               dict)
+    seed: Seed = meaning("of the random numbers", 0)
+
+    @reading.checks
+    def _check_used(self, _: reading.Mistakes) -> None:
+        """What would have no effect is a misunderstanding."""
+        if self.indices is None:
+            for name in ("range", "samples"):
+                if getattr(self, name) not in ({}, None):
+                    expected = "global indices (--global sobol or morris)"
+                    raise wrong("none", expected, at=f"{name}.indices")
+            if self.prior and self.scale == "percent":
+                raise wrong("percent", "--scale prior, or global indices", at="prior.scale")

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax.files import InputProblem, reading
 from kneejax.files.reading import Number, Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import RANGES
-from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
+from kneejax.studies._fields import LOAD_NAMES, UNITS, Angles, Convention
 
 if TYPE_CHECKING:
     from kneejax.experiments import MeasuredTest
@@ -25,10 +25,7 @@ CountedFrom = Literal["unloaded", "intact", "least_load", "opposite", "offset",
                       "offset_each_flexion", "absolute", "extension"]  # fmt: skip
 Axes = Literal["femur", "tibia", "grood_suntay"]
 _loads = reading.mapping_of(lambda value, name: reading.number(value, RANGES[name]),
-                            f"a mapping with the fields {', '.join(get_args(LoadName))}",
-                            get_args(LoadName))
-
-
+                            f"a mapping with the fields {', '.join(LOAD_NAMES)}", LOAD_NAMES)
 _columns = reading.mapping_of(lambda value, _: reading.text(value),
                               "a mapping from a name to a column of the file")
 
@@ -45,19 +42,16 @@ class InTime(Part):
     period_s: Number | None = meaning("of a motion that repeats itself", None)
     error_mm: Number | None = meaning("that steps through time may leave of any pose", None)
     harmonics: Annotated[int, reads(reading.whole, 1, 12)] | None = meaning(
-        "with which flexion is led, of a motion that repeats itself", None
-    )
+        "with which flexion is led, of a motion that repeats itself", None)
     cycles_before: Annotated[int, reads(reading.whole, 0, 100)] | None = meaning(
-        "that the motion had gone through before the first row", None
-    )
+        "that the motion had gone through before the first row", None)
 
-    @model_validator(mode="after")
-    def _check_period(self) -> InTime:
+    @reading.checks
+    def _check_period(self, _: reading.Mistakes) -> None:
         for name in ("harmonics", "cycles_before"):
             value = getattr(self, name)
             if value is not None and self.period_s is None:
                 raise wrong(value, "period_s too, of a motion that repeats itself", at=name)
-        return self
 
 
 def _test_table(value: Any, info: ValidationInfo) -> str:
@@ -92,53 +86,43 @@ class StudyTest(Part):
 
     name: Text = meaning("what tables and figures call it")
     file: Annotated[str, PlainValidator(_test_table)] = meaning(
-        "CSV table, relative to the study's folder, or a published test"
-    )
+        "CSV table, relative to the study's folder, or a published test")
     source: Any = meaning("who measured it", None)
     columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
-        "name -> column, perhaps scaled", dict
-    )
+        "name -> column, perhaps scaled", dict)
     ignore: Annotated[tuple[Text, ...], entries("columns")] = meaning("columns left out", ())
     convention: Convention = meaning("what coordinates mean", "grood-suntay")
     mirror: reading.Flag = meaning("whether a left knee was measured in axes with Z to the right",
                                    False)
     flexion_deg: Angles | None = meaning("flexions that count", None)
     at_deg: Annotated[float, within("flexion_deg")] | None = meaning(
-        "flexion of a table without a column of it", None
-    )
+        "flexion of a table without a column of it", None)
     coordinates: Annotated[
         tuple[Annotated[str, reading.one_of(COORDINATES)], ...], entries("coordinates")
     ] = meaning("that count; all that the table has if empty", ())
     counted_from: Annotated[CountedFrom, reading.Choice()] | None = meaning(
-        "what numbers are counted from; as a published test says, or `unloaded`", None
-    )
+        "what numbers are counted from; as a published test says, or `unloaded`", None)
     within_deg: Annotated[float, reads(reading.number, RANGES["within_deg"])] = meaning(
-        "by which flexions of one curve, or of trials in opposite senses, may differ", 1.0
-    )
+        "by which flexions of one curve, or of trials in opposite senses, may differ", 1.0)
     loads: Annotated[dict[str, float], PlainValidator(_loads)] = meaning(
-        "load -> size that acted throughout", dict
-    )
+        "load -> size that acted throughout", dict)
     load: Any = meaning("load -> size of a published laxity whose load is not known", None)
     point_mm: Annotated[
         tuple[float, float, float], reading.numbers_within(3, "point_mm")
     ] = meaning("where forces act", (0.0, 0.0, 0.0))
     axes: Annotated[Axes, reading.Choice()] = meaning("in which loads are given", "grood_suntay")
     sd_mm: Annotated[float, within("noise_mm")] | None = meaning(
-        "standard deviation of displacements; as the poses' if not stated", None
-    )
+        "standard deviation of displacements; as the poses' if not stated", None)
     sd_deg: Annotated[float, within("noise_deg")] | None = meaning("of rotations; likewise", None)
     sd_N: Annotated[float, within("tension_N")] | None = meaning("of forces that were read", None)
     sd_strain: Annotated[float, reads(reading.number, RANGES["strain"].spread)] | None = meaning(
-        "of strains that were read", None
-    )
+        "of strains that were read", None)
     cut: Annotated[
-        tuple[Text, ...],
-        entries("ligaments"),
+        tuple[Text, ...], entries("ligaments"),
         BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
     ] = meaning("ligaments, groups or menisci that had been cut", ())
     weight: Annotated[Literal["by_load"], reading.Choice()] | None = meaning(
-        "`by_load` weighs rows in proportion to their load", None
-    )
+        "`by_load` weighs rows in proportion to their load", None)
     in_time: InTime | None = meaning("of rows that are frames of a motion", None)
 
     @model_validator(mode="before")
@@ -205,14 +189,12 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
     if ranges and test.counted_from:
         expected = f"to omit this field: {name} is of ranges between opposite loads"
         raise test.wrong("counted_from", expected)
-    counted = "opposite" if ranges else own[0].counted_from
-    return LabTable(flexion, {load: sizes}, observed), counted
+    table = LabTable(flexion, {load: sizes}, observed)
+    return table, "opposite" if ranges else own[0].counted_from
 
 
-def check_tests(
-    knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
-    measured: bool, mistakes: reading.Mistakes,
-) -> None:  # fmt: skip
+def check_tests(knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
+                measured: bool, mistakes: reading.Mistakes) -> None:
     """Of tests no two have one name, and none is better known than the poses can say, whose noise
     is stated in mm and degrees, where they are measured."""
     if not tests:  # importing takes longer than everything else here

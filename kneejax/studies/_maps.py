@@ -14,7 +14,7 @@ from kneejax.files import InputProblem
 from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.parameters import MEANING
-from kneejax.studies._options import Map
+from kneejax.studies._fields import Map
 from kneejax.studies._progress import Asked, progress_of
 from kneejax.studies._study import Study
 
@@ -77,8 +77,7 @@ def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:
 
 
 def check_map(study: Study, options: Map) -> None:
-    """Refuse what a study has no map of: no pair, one twice, a parameter with itself, a range of no
-    pair."""
+    """Refuse what has no map: no pair, one twice, a parameter with itself, a range of no pair."""
     pairs = _pairs(study, options)
     if not pairs:
         names = " ".join(study.selection.names[:2])
@@ -106,12 +105,10 @@ def about_maps(study: Study, options: Map) -> dict[str, str]:
     pairs = _pairs(study, options)
     ranges = map_ranges(study.knee_at_start, pairs, bounds=study.bounds | options.range)
     return {
-        "study": study.title,
-        "knee": study.knee_name,
+        "study": study.title, "knee": study.knee_name,
         "pairs": ", ".join(" ".join(pair) for pair in pairs),
         "grid": f"{options.grid[0]}x{options.grid[1]}",
-        "ranges": ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in ranges.items()),
-    }
+        "ranges": ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in ranges.items())}
 
 
 def fingerprint(study: Study, options: Map) -> bytes:
@@ -123,14 +120,12 @@ def fingerprint(study: Study, options: Map) -> bytes:
     """
     leaves, structure = jax.tree.flatten((study.knee, study.knee_at_start))
     numbers = b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
-    said = study.settings()
-    settings = [said[name] for name in _OF_MISFIT]
-    settings += [plain_test(test) for test in study.tests]
-    poses = b"" if study.measured is None else study.measured.tobytes()
-    words = [about_maps(study, options), *settings, str(structure), versions()["kneejax"]]
+    said, poses = study.settings(), study.measured
+    words = [about_maps(study, options), *(said[name] for name in _OF_MISFIT),
+             *map(plain_test, study.tests), str(structure), versions()["kneejax"]]  # fmt: skip
     # Of structures drawn as several fibres, maps say what their stiffness means.
     words += [MEANING] if study.knee.groups else []
-    return numbers + poses + json.dumps(words).encode()
+    return numbers + (b"" if poses is None else poses.tobytes()) + json.dumps(words).encode()
 
 
 def plain_test(test: MeasuredTest) -> dict[str, Any]:

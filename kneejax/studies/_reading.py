@@ -14,16 +14,9 @@ from pydantic import PlainValidator
 
 from kneejax.files import InputProblem, reading
 from kneejax.files.reading import Mistakes, Part, by_parameter, checked, choice, meaning, one_of
+from kneejax.studies import _lab_tests
 from kneejax.studies._fields import MIRROR, UNITS, Values
-from kneejax.studies._lab_tests import (
-    COORDINATES,
-    PATELLA,
-    InTime,
-    StudyTest,
-    older_name,
-    published_laxity,
-    published_motions,
-)
+from kneejax.studies._lab_tests import COORDINATES, PATELLA, InTime, StudyTest, older_name
 from kneejax.studies._schema import Measured, StudyFields, StudyStage
 
 if TYPE_CHECKING:
@@ -43,11 +36,9 @@ class PriorFile(Part):
 
     start: Values = meaning("parameter -> mean")
     prior: Annotated[dict[str, float], PlainValidator(by_parameter(reading.deviation))] = meaning(
-        "parameter -> standard deviation"
-    )
+        "parameter -> standard deviation")
     stiffness_of: Annotated[str, one_of(["structure"])] | None = meaning(
-        "of what a structure's stiffness is; its fibres' mean in older files", None
-    )
+        "of what a structure's stiffness is; its fibres' mean in older files", None)
 
 
 def usual_procedures(study: StudyFields) -> tuple[str, ...]:
@@ -61,8 +52,7 @@ def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
     def refuse(field: str, value: Any, expected: str) -> None:
         mistakes.keep(InputProblem("", field, value, expected))
 
-    poses = {"measured": study.measured, "synthetic": study.synthetic}
-    given = [name for name, one in poses.items() if one is not None]
+    given = [name for name in ("measured", "synthetic") if getattr(study, name) is not None]
     if len(given) > 1 or not (given or study.tests):
         expected = "exactly one of measured, synthetic" + ", or tests" * (not given)
         refuse("measured", " and ".join(given) or "neither", expected)
@@ -126,10 +116,8 @@ def objects_of(
     if study.stages:
         from kneejax.inference import Stage
 
-        objects["stages"] = [
-            Stage(one.parameters, one.data) if isinstance(one, StudyStage) else one
-            for one in study.stages
-        ]
+        objects["stages"] = [Stage(one.parameters, one.data) if isinstance(one, StudyStage) else one
+                             for one in study.stages]  # fmt: skip
     if not study.procedures:
         objects["procedures"] = usual_procedures(study)
     return said, objects
@@ -159,32 +147,28 @@ def _read_poses(
 
 
 def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
-    """Start and prior of the parameters that are free, from what a cohort wrote; refuses a start
-    that the study states too, and a file so old that a structure's stiffness is its fibres' mean.
-    """
+    """Start and prior of the free parameters, from what a cohort wrote; refuses a start that the
+    study states too, and a file so old that a structure's stiffness is its fibres' mean."""
     from kneejax.parameters import MEANING, fibres_summed, select
 
     path = str(study.prior)
     ((mark, words),) = MEANING.items()
     file = checked(PriorFile, reading.load_yaml(path, "the prior.yaml of a cohort"), path)
-    means, deviations = file.start, file.prior
     free = select(knee, study.parameters).names
     for name, value in study.start.items():
-        if name in deviations:
+        if name in file.prior:
             expected = f"this start left out: {Path(path).name} says around what {name} lies"
             raise InputProblem("", f"start.{name}", value, expected)
-    means = {name: means[name] for name in free if name in means}
-    chosen = {name: deviations[name] for name in free if name in deviations}
-    for name in means | chosen:
+    means, deviations = ({name: said[name] for name in free if name in said}
+                         for said in (file.start, file.prior))  # fmt: skip
+    for name in means | deviations:
         if file.stiffness_of is None and (count := fibres_summed(knee, name)) > 1:
             section = "start" if name in means else "prior"
-            raise InputProblem(
-                path, f"{section}.{name}", getattr(file, section)[name],
-                f"the sum over the structure's {count} fibres; this file is older and has their "
-                "mean: run its cohort again, or multiply values and deviations of structures by "
-                f"their numbers of fibres and add {mark}: {words}"
-            )
-    return {"start": {**study.start, **means}, "prior": chosen}
+            expected = (f"the sum over the structure's {count} fibres; this file is older and has "
+                        "their mean: run its cohort again, or multiply values and deviations of "
+                        f"structures by their numbers of fibres and add {mark}: {words}")
+            raise InputProblem(path, f"{section}.{name}", getattr(file, section)[name], expected)
+    return {"start": {**study.start, **means}, "prior": deviations}
 
 
 def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest:
@@ -214,14 +198,13 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
         table = table._replace(readings=readings)
     if test.coordinates:
         table, observed = _that_count(test, table, observed)
-    readings = dict(table.readings)
-    tensions = {line: readings.pop(f"{line}.tension_N", None) for line in lines}
-    tensions = {line: tension for line, tension in tensions.items() if tension is not None}
+    readings, named = dict(table.readings), {line: f"{line}.tension_N" for line in lines}
+    tensions = {line: readings.pop(name) for line, name in named.items() if name in readings}
     for line, tension in tensions.items():
         if np.isnan(tension).any():
-            row = int(np.flatnonzero(np.isnan(tension))[0]) + 1
-            place, expected = f"file: {line}.tension_N, row {row}", "a tension in every row"
-            raise InputProblem("", place, "empty", f"{expected}, since it acts on the knee")
+            place = f"file: {named[line]}, row {np.flatnonzero(np.isnan(tension))[0] + 1}"
+            expected = "a tension in every row, since it acts on the knee"
+            raise InputProblem("", place, "empty", expected)
     if test.weight and table.weight is not None:
         raise test.wrong("weight", "to omit this field: the table has a column weight")
     frames = None if test.in_time is None else _frames(test, test.in_time, table)
@@ -268,23 +251,19 @@ def _of_the_other_sense(test: StudyTest, found: Any) -> InputProblem:
     moved = COORDINATES[found.coordinate].column
     columns = {name: test.columns.get(name, name) for name in (moved, found.load)}
     # A column whose own name speaks of the other sense, unless it was turned round already.
-    other = [
-        name for name, column in columns.items()
-        if _OTHER_SENSE.search(column) and not column.lstrip().startswith("-")
-    ]  # fmt: skip
+    other = [name for name, column in columns.items()
+             if _OTHER_SENSE.search(column) and not column.lstrip().startswith("-")]  # fmt: skip
     name = other[0] if len(other) == 1 else moved
     column = columns[name]
     turned = column.lstrip()[1:].lstrip() if column.lstrip().startswith("-") else f"-{column}"
     (least, most), (low, high) = found.loads, found.values
     unit = NAMED_LOADS[found.load].unit
-    return InputProblem(
-        test.file,
-        column,
-        f"{moved} from {low:g} to {high:g} at {found.flexion_deg:g} degrees",
+    expected = (
         f"a coordinate that rises with its load, {found.load} from {least:g} to {most:g} {unit}: "
         f'a column of the other sense is suspected; write {name}: "{turned}" under columns, or '
-        "turn the other column round",
-    )
+        "turn the other column round")
+    shown = f"{moved} from {low:g} to {high:g} at {found.flexion_deg:g} degrees"
+    return InputProblem(test.file, column, shown, expected)
 
 
 def _that_count(
@@ -299,10 +278,8 @@ def _that_count(
         if np.isnan(seen.get(name, np.nan)).all():
             expected = f"coordinates that the table has; not {name}"
             raise test.wrong("coordinates", expected, [*test.coordinates])
-    kept = {
-        name: sizes for name, sizes in table.readings.items()
-        if others.get(name, name) in test.coordinates or name not in others
-    }  # fmt: skip
+    kept = {name: sizes for name, sizes in table.readings.items()
+            if name not in others or others[name] in test.coordinates}  # fmt: skip
     observed = np.where([name in test.coordinates for name in UNITS], observed, np.nan)
     return table._replace(readings=kept), observed
 
@@ -319,12 +296,12 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
         unloaded = test.counted_from in WITHOUT_LOADS
         return read_lab_table(name, test.columns, test.at_deg, test.convention, test.ignore,
                               unloaded=unloaded, about=test.name), None  # fmt: skip
-    published = published_motions()
+    published = _lab_tests.published_motions()
     for field in _OF_OWN_TABLES:
         if field in given and not (field == "ignore" and name in published):
             raise test.wrong(field, f"to omit this field: {name} comes with the package")
     if name not in published:
-        return published_laxity(test, bundled_bands(name=name))
+        return _lab_tests.published_laxity(test, bundled_bands(name=name))
     for field in ("load", "counted_from"):
         if field in given:
             raise test.wrong(field, f"to omit this field: {name} says it itself")

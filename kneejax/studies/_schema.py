@@ -8,19 +8,8 @@ from pydantic import PlainValidator, ValidationInfo
 from kneejax.files import reading
 from kneejax.files.reading import Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import QUANTITIES, RANGES
-from kneejax.studies._fields import (
-    UNITS,
-    Angles,
-    Convention,
-    Interval,
-    Intervals,
-    LoadName,
-    OrObject,
-    Parameter,
-    Seed,
-    Values,
-    file_named,
-)
+from kneejax.studies import _fields
+from kneejax.studies._fields import LOAD_NAMES, UNITS, Angles, OrObject, Parameter, Seed, Values
 from kneejax.studies._lab_tests import StudyTest
 
 if TYPE_CHECKING:
@@ -56,7 +45,7 @@ def _table(value: Any, info: ValidationInfo) -> str:
     if value in every:
         other = "a table under tests" if every[value].use == "test" else "conditions alone"
         raise wrong(value, f"measured poses; {value} is {other}")
-    return file_named(value, info, "a CSV table or a bundled measurement", known)
+    return _fields.file_named(value, info, "a CSV table or a bundled measurement", known)
 
 
 def _poses(value: Any) -> ndarray | None:
@@ -92,7 +81,8 @@ def _knee(value: Any, info: ValidationInfo) -> Any:
     if reading.text(value) in known:
         return reading.text(value)
     kind = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file"
-    return os.path.abspath(file_named(value, info, kind, known))  # results are read elsewhere
+    # The whole path, since results are read elsewhere.
+    return os.path.abspath(_fields.file_named(value, info, kind, known))
 
 
 def _weights(value: Any) -> dict[str, float]:
@@ -104,9 +94,8 @@ def _weights(value: Any) -> dict[str, float]:
     kind = f"paper1, or a mapping with the fields {', '.join(known)}"
     given = reading.mapping_of(lambda x, _: reading.number(x, RANGES["weight"]), kind, known)(value)
     usual = _WEIGHTS if any(given.values()) else {}
-    weights = {
-        name: given.get(name, given.get(unit, usual.get(unit))) for name, unit in UNITS.items()
-    }
+    weights = {name: given.get(name, given.get(unit, usual.get(unit)))
+               for name, unit in UNITS.items()}
     if all(weight == 0 for weight in weights.values()):
         raise wrong(value, "a weight above 0 for at least one coordinate")
     return {name: weight for name, weight in weights.items() if weight is not None}
@@ -116,7 +105,7 @@ def _prior(value: Any, info: ValidationInfo) -> Any:
     """Standard deviations by name; of a text the whole path of the file that has them."""
     if not isinstance(value, str):
         return reading.by_parameter(reading.deviation)(value)
-    return file_named(value, info, "a mapping, or the prior.yaml of a cohort")
+    return _fields.file_named(value, info, "a mapping, or the prior.yaml of a cohort")
 
 
 def _noise(value: Any, name: str) -> float | None:
@@ -133,13 +122,12 @@ def _sizes(value: Any, name: str) -> list[float]:
 
 
 def _load_name(value: Any) -> str:
-    known = get_args(LoadName)
-    if value not in known:
+    if value not in LOAD_NAMES:
         from kneejax.mechanics import load_called, load_opposite_to
 
         meant = load_opposite_to(str(value))
-        near = f"{meant} of the opposite sign" if meant else load_called(value) or known
-        raise wrong(value, f"one of {', '.join(known)}", near)
+        near = f"{meant} of the opposite sign" if meant else load_called(value) or LOAD_NAMES
+        raise wrong(value, LOAD_NAMES, near)
     return value
 
 
@@ -153,32 +141,26 @@ def _frame_offset(value: Any) -> list[Any]:
 
 def _offset(value: Any) -> str:
     if value == "flexion":
-        raise wrong(
-            value,
-            f"one of {', '.join(UNITS)}; flexion is prescribed as it was measured, so it can have "
-            "no offset: correct the measured column instead",
-        )
+        raise wrong(value, f"one of {', '.join(UNITS)}; flexion is prescribed as it was measured, "
+                           "so it can have no offset: correct the measured column instead")
     return reading.choice(value, UNITS)
 
 
 _columns = reading.mapping_of(lambda value, _: reading.text(value),
                               f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS)
 _loads = reading.mapping_of(
-    _sizes, f"a mapping from one of {', '.join(get_args(LoadName))} to its sizes", _load_name
-)
+    _sizes, f"a mapping from one of {', '.join(LOAD_NAMES)} to its sizes", _load_name)
 
 
 class Measured(Part):
     """A table of measured poses, as a study names it."""
 
     file: Annotated[str, PlainValidator(_table)] = meaning(
-        "CSV table, relative to the study's folder, or a bundled measurement"
-    )
+        "CSV table, relative to the study's folder, or a bundled measurement")
     source: Text = meaning("who measured it")
-    convention: Convention = meaning("what its coordinates mean", "femoral")
+    convention: _fields.Convention = meaning("what its coordinates mean", "femoral")
     columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
-        "column of a pose -> what the table calls it", dict
-    )
+        "column of a pose -> what the table calls it", dict)
     mirror: reading.Flag = meaning("whether a left knee was measured in axes with Z to the right",
                                    False)
 
@@ -204,11 +186,9 @@ class StudyStage(Part):
     """A part of the search of procedure S: what is free in it, and which data count."""
 
     parameters: Annotated[tuple[Parameter, ...], *Names] = meaning(
-        "names or wildcards that are free; all if empty", ()
-    )
+        "names or wildcards that are free; all if empty", ())
     data: Annotated[tuple[Text, ...], *Names] = meaning(
-        "`poses` and names of tests that count; all if empty", ()
-    )
+        "`poses` and names of tests that count; all if empty", ())
 
 
 class StudyFields(Part):
@@ -216,83 +196,66 @@ class StudyFields(Part):
 
     title: Text = meaning("for reports")
     knee: Annotated[Knee, PlainValidator(_knee)] = meaning(
-        "a bundled knee or a knee file, with the values that stay fixed", repr=False
-    )
+        "a bundled knee or a knee file, with the values that stay fixed", repr=False)
     parameters: Annotated[tuple[Parameter, ...], entries("names"), reading.Distinct] = meaning(
-        "names or wildcards of what is free"
-    )
+        "names or wildcards of what is free")
     measured: Annotated[ndarray | None, OrObject(Measured, _poses)] = meaning(
-        "measured poses, degrees and mm; not beside synthetic ones", None
-    )
+        "measured poses, degrees and mm; not beside synthetic ones", None)
     synthetic: Synthetic | None = meaning(
-        "poses to be made; where there are tests, neither these nor measured ones need to be", None
-    )
+        "poses to be made; where there are tests, neither these nor measured ones need to be", None)
     tests: Annotated[
         tuple[Annotated[MeasuredTest, OrObject(StudyTest)], ...], entries("tests", empty=True)
     ] = meaning("under load that were made, each by a name of its own", ())
     patella: reading.Flag | None = meaning(
-        "whether the knee is that of three bones, where it has one", None
-    )
+        "whether the knee is that of three bones, where it has one", None)
     start: Values = meaning(
-        "name or wildcard -> value where the search begins; the knee's own otherwise", dict
-    )
-    bounds: Intervals = meaning(
+        "name or wildcard -> value where the search begins; the knee's own otherwise", dict)
+    bounds: _fields.Intervals = meaning(
         "name, `*.quantity` or quantity -> lower and upper bound; a name counts before a wildcard, "
-        "that before a quantity, and usual bounds hold for the rest", dict,
-    )  # fmt: skip
+        "that before a quantity, and usual bounds hold for the rest", dict)
     weights: Annotated[dict[str, float], PlainValidator(_weights)] = meaning(
         "free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per "
         "degree^2, in place of one over the squared noise; 0 for one that does not count; or "
-        "`paper1`", dict,
-    )  # fmt: skip
+        "`paper1`", dict)
     prior: Annotated[dict[str, float], PlainValidator(_prior)] = meaning(
         "name, `*.quantity` or quantity -> standard deviation of a normal prior around the start, "
         "or the prior.yaml of a cohort; needs noise_mm and noise_deg, and of weights then counts "
-        "only which are zero", dict,
-    )  # fmt: skip
+        "only which are zero", dict)
     attachment_sd_mm: Annotated[float, within("noise_mm")] = meaning(
         "standard deviation with which attachments of a knee file were digitised: the prior of "
         "those that are free without one, beside noise_mm and noise_deg; 0 for none",
-        QUANTITIES["femoral_attachment"].scale_of(0.0),
-    )
+        QUANTITIES["femoral_attachment"].scale_of(0.0))
     procedures: Annotated[tuple[Annotated[Procedure, reading.Choice()], ...], *Names] = meaning(
-        "the first is the answer, others are there to compare; `S` alone where there are stages", ()
-    )
-    stages: Annotated[tuple[Annotated[Stage, OrObject(StudyStage)], ...],
-                      entries("stages", empty=True)] = meaning("of procedure S, in turn", ())
+        "the first is the answer, others are there to compare; `S` alone where there are stages",
+        ())
+    stages: Annotated[
+        tuple[Annotated[Stage, OrObject(StudyStage)], ...], entries("stages", empty=True)
+    ] = meaning("of procedure S, in turn", ())
     starts: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "of procedure III: the knee's own, then draws from the prior, or between the bounds where "
-        "there is none", 1,
-    )  # fmt: skip
+        "there is none", 1)
     seed: Seed = meaning("of the further starts", 0)
     noise_mm: Annotated[float | None, reads(_noise, "noise_mm")] = meaning(
         "standard deviation of measured displacements; estimated where it is not known, while "
-        "synthetic poses know their own", None,
-    )  # fmt: skip
+        "synthetic poses know their own", None)
     noise_deg: Annotated[float | None, reads(_noise, "noise_deg")] = meaning(
-        "standard deviation of measured rotations; likewise", None
-    )
-    frame_offset: Annotated[tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset),
-                            reading.Distinct] = meaning(
+        "standard deviation of measured rotations; likewise", None)
+    frame_offset: Annotated[
+        tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset), reading.Distinct
+    ] = meaning(
         "free coordinates whose constant offset between measured and model frames is free too; "
-        "true for all five", (),
-    )  # fmt: skip
+        "true for all five", ())
     method: Annotated[Literal["least_squares", "lbfgsb"], reading.Choice()] = meaning(
-        "of the search; `lbfgsb` needs jaxopt and takes long", "least_squares"
-    )
+        "of the search; `lbfgsb` needs jaxopt and takes long", "least_squares")
     cycles: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
-        "how often procedures I and II may go through their two steps", 1
-    )
+        "how often procedures I and II may go through their two steps", 1)
     failures: Annotated[tuple[Annotated[Fault, reading.Choice()], ...], *Names] = meaning(
         "statuses for which a pose counts for nothing and a command ends with exit status 1; the "
-        "package's choice if empty", (),
-    )  # fmt: skip
+        "package's choice if empty", ())
     loads: Annotated[dict[str, list[float]], PlainValidator(_loads)] = meaning(
-        "load -> its size at each pose, or one for all, in the unit of its name", dict
-    )
-    flexion_limits_deg: Interval | None = meaning(
-        "between which measured poses count", None, alias="flexion_deg"
-    )
+        "load -> its size at each pose, or one for all, in the unit of its name", dict)
+    flexion_limits_deg: _fields.Interval | None = meaning(
+        "between which measured poses count", None, alias="flexion_deg")
     set: Values = meaning("parameter -> value of the knee that stays fixed", dict)
 
 

@@ -68,12 +68,12 @@ class Study(StudyFields):
     def _fill(self, fields: dict[str, Any], mistakes: Mistakes, folder: Path = Path(),
               origin: Mapping[str, Any] | None = None) -> None:  # fmt: skip
         """Check fields by themselves, then read what they name, then check them with the knee."""
-        fields, context = plain(fields), {"folder": folder}
+        fields = plain(fields)
         self._fill_alone(fields, mistakes, folder)
         said, objects = objects_of(self, fields, mistakes)
         mistakes.check()
         with mistakes.gathered():
-            fill(self, self.given() | objects, context)
+            fill(self, self.given() | objects, {"folder": folder})
         mistakes.check()
         self._origin, self._file = {**(origin or {}), **said}, mistakes.file
         _check_with_knee(self, mistakes)
@@ -227,8 +227,7 @@ class Study(StudyFields):
             offsets=self.frame_offset, loads=self.acting, tests=self.tests, prior=self.believed,
             procedures=self.procedures, stages=self.stages, starts=self.starts, seed=self.seed,
             method=self.method, cycles=self.cycles, truth=self.truth, title=self.title,
-            settings=self.settings(),
-        )  # fmt: skip
+            settings=self.settings())  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Everything needed to run the study again, as plain numbers and words."""
@@ -238,8 +237,7 @@ class Study(StudyFields):
         origin = {"measured": None, "tests": named, "flexion_deg": None, "overrides": {}}
         return plain(self.model_dump(exclude=elsewhere) | origin | self._origin) | {
             "noise_mm": mm, "noise_deg": deg, "knee": self.knee_name,
-            "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
-        }  # fmt: skip
+            "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file}
 
 
 def _check_free(study: Study, selection: Selection) -> None:
@@ -256,15 +254,11 @@ def _check_free(study: Study, selection: Selection) -> None:
     groups = [f"{name} ({len(fibres)} fibres)" for name, fibres in study.knee.groups]
     instead = f"; free structures rather than fibres: {', '.join(groups)}" if groups else ""
     if free - believed > read:
-        raise UnsuitableData(
-            f"parameters: {free} free numbers for {read} readings: expected as many readings at "
-            f"least, or a prior{instead}"
-        )
+        raise UnsuitableData(f"parameters: {free} free numbers for {read} readings: expected as "
+                             f"many readings at least, or a prior{instead}")
     if free > _MANY:
-        warnings.warn(
-            f"parameters: {free} free numbers: data seldom tell more than {_MANY} apart, and each "
-            f"takes its time{instead}", DoubtfulValue, 3,
-        )  # fmt: skip
+        warnings.warn(f"parameters: {free} free numbers: data seldom tell more than {_MANY} apart, "
+                      f"and each takes its time{instead}", DoubtfulValue, 3)
 
 
 def _check_with_knee(study: Study, mistakes: Mistakes) -> None:

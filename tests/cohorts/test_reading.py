@@ -159,6 +159,6 @@ def test_answers_of_an_older_meaning_are_another_tasks(knee, same, tmp_path, mon
     study = STUDY | {"knee": knee, "parameters": ["ACL.stiffness"]}
     cohort = read_cohort(written(tmp_path, ["name,measured.file", "A,poses.csv"], study))
     (now,) = plan(cohort)
-    monkeypatch.setattr("kneejax.cohorts._plan.MEANING", {})
+    monkeypatch.setattr("kneejax.cohorts._tasks.MEANING", {})
     (before,) = plan(cohort)
     assert (now.fingerprint == before.fingerprint) is same

@@ -45,7 +45,7 @@ def test_any_number_of_workers_gives_the_same_bits(made_up, undisturbed, numbers
 
 def test_a_worker_computes_as_the_command_does():
     # One that looked for circles of objects as often as Python does took a fifth longer.
-    from kneejax.cohorts import _on_cluster
+    from kneejax.cohorts import _tasks
 
     def how_it_runs():
         import gc
@@ -55,14 +55,14 @@ def test_a_worker_computes_as_the_command_does():
         names = "OPENBLAS_NUM_THREADS", "MALLOC_TRIM_THRESHOLD_"
         return gc.get_threshold()[0], cores, [os.environ.get(name) for name in names]
 
-    with _on_cluster.workers(1) as client:
-        _on_cluster._prepare(client)
+    with _tasks.workers(1) as client:
+        _tasks._prepare(client)
         (found,) = client.run(how_it_runs).values()
     assert found == (100_000, 1, ["1", None])
 
 
 def test_a_scheduler_that_does_not_answer_is_one_line(made_up, capsys, monkeypatch):
-    monkeypatch.setattr("kneejax.cohorts._on_cluster._PATIENCE_S", 1.0)
+    monkeypatch.setattr("kneejax.cohorts._tasks._PATIENCE_S", 1.0)
     words = ["--scheduler", "tcp://127.0.0.1:9", "--out", str(made_up.parent / "none")]
     assert main(["calibrate", str(made_up), *words]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
@@ -70,7 +70,7 @@ def test_a_scheduler_that_does_not_answer_is_one_line(made_up, capsys, monkeypat
 
 
 def test_workers_of_another_version_are_refused(monkeypatch):
-    from kneejax.cohorts import _on_cluster
+    from kneejax.cohorts import _tasks
 
     class Client:
         def register_plugin(self, _):
@@ -80,15 +80,15 @@ def test_workers_of_another_version_are_refused(monkeypatch):
             return {"tcp://a": "0.0.1"}
 
     with pytest.raises(InputProblem, match=r"version: 0.0.1: expected workers with kneejax"):
-        _on_cluster._prepare(Client())
+        _tasks._prepare(Client())
 
 
 def test_a_worker_of_another_version_that_comes_late_computes_nothing():
-    from kneejax.cohorts import _on_cluster
+    from kneejax.cohorts import _tasks
 
     # A task is not even unpacked, which this one could not be.
     with pytest.raises(RuntimeError, match=r"a worker has kneejax .*: expected 0.0.1"):
-        _on_cluster._of_version("0.0.1", b"")
+        _tasks._of_version("0.0.1", b"")
 
 
 def test_without_dask_workers_are_no_traceback(monkeypatch, made_up):

@@ -147,7 +147,7 @@ def test_names_that_are_known_without_jax_are_those_of_what_computes():
     assert kj.Study.model_fields["cycles"].default == USUAL_CYCLES
     assert get_args(_lab_tests.CountedFrom) == tuple(COUNTED_FROM)
     assert {*get_args(_lab_tests.Axes)} == {*AXES}
-    assert {*get_args(_fields.LoadName)} == {*NAMED_LOADS}
+    assert {*_fields.LOAD_NAMES} == {*NAMED_LOADS}
     assert get_args(_schema.Measured.model_fields["convention"].annotation) == tuple(CONVENTIONS)
     assert tuple(_fields.UNITS) == FREE_COORDINATES
     assert _lab_tests.COORDINATES == (

@@ -12,8 +12,7 @@ COMMANDS = {
                          studies.Reproduce),
     "Import and export": (knees.ImportOsim, knees.ImportStl, knees.ImportLigament,
                           knees.ImportMeniscus, knees.ExportOsim),
-    "Again": (studies.Rerun, studies.Completion),
-}  # fmt: skip
+    "Again": (studies.Rerun, studies.Completion)}  # fmt: skip
 #: First word of several commands, or none -> what its help says; the example is the first one's.
 ABOVE = {
     "": "Differentiable knee-joint model: simulate, and identify ligaments from measured motion.",
@@ -21,7 +20,6 @@ ABOVE = {
     "import": "Make a knee from a model or from meshes.",
     "export": "Write a knee's numbers into a model.",
     "cohort": "Make up a cohort of knees.",
-    "plan": "Plan an operation on a knee.",
-}
+    "plan": "Plan an operation on a knee."}
 #: Of a person who knows no command yet.
 EXAMPLE = "kneejax simulate passive-flexion --flexion 0:120:5"

@@ -137,7 +137,7 @@ def test_a_mesh_in_metres(tmp_path, poses, capsys):
 
 
 def test_a_flat_facet_is_doubtful(tmp_path, poses, mesh, capsys, monkeypatch):
-    monkeypatch.setattr("kneejax.cli.joint._fit.FLATTEST_MM", 29.5)
+    monkeypatch.setattr("kneejax.cli._joint_fit.FLATTEST_MM", 29.5)
     out = tmp_path / "out"
     assert main(["joint", "fit", poses, "--femur", mesh, "--out", str(out)]) == 1
     said = capsys.readouterr().out

@@ -7,7 +7,7 @@ import numpy as np
 
 from kneejax import files, joints
 from kneejax.cli._deliver import deliver
-from kneejax.cli.joint._fit import check_columns, passive_motion, problem, read_contact_knee
+from kneejax.cli._joint_fit import check_columns, passive_motion, problem, read_contact_knee
 from kneejax.cli.options.joints import JointCompare
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
@@ -15,8 +15,6 @@ from kneejax.report import comparison_answer
 #: Flexions of the curves that figures draw.
 _CURVE = 25
 _SAME_FLEXION_DEG = 1e-3
-
-
 #: A joint of each subject, and the files that they come from.
 Joints = tuple[list[joints.Joint], tuple[str, ...]]
 
@@ -50,11 +48,9 @@ def _each_subject(option: str, named: Sequence[str], subjects: int) -> list[str]
 def _fitted_models(
     arguments: JointCompare, tables: np.ndarray, used: np.ndarray
 ) -> dict[str, Joints]:
-    """Joints fitted here, to the mean of each subject's poses in `used` rows.
-
-    They are a moving axis on the first and the last pose; a generalised axis on all if there are
-    more than two; and a hinge, put at the first, if the files of axes have epicondyles.
-    """
+    """Joints fitted here, to the mean of each subject's poses in `used` rows: a moving axis on the
+    first and the last pose; a generalised axis on all if there are more than two; and a hinge, put
+    at the first, if the files of axes have epicondyles."""
     listed = [file for words in arguments.axes for file in words.split(",")]
     axes = _each_subject("--axes", listed, len(tables))
     read = {file: files.read_axis_points(file, arguments.side) for file in dict.fromkeys(axes)}
@@ -173,10 +169,8 @@ def _calibration_rows(arguments: JointCompare, flexion: np.ndarray) -> np.ndarra
         near = np.abs(flexion - angle) <= arguments.average_within
         expected = ""
         if not near.any():
-            expected = (
-                f"a flexion within {arguments.average_within:g} degrees of a measured one, of "
-                f"{flexion[0]:g} to {flexion[-1]:g} (or another --average-within)"
-            )
+            expected = (f"a flexion within {arguments.average_within:g} degrees of a measured one, "
+                        f"of {flexion[0]:g} to {flexion[-1]:g} (or another --average-within)")
         elif (rows & near).any():
             expected = f"flexions farther apart than twice {arguments.average_within:g} degrees"
         if expected:

@@ -24,20 +24,19 @@ from kneejax.studies import stages_on_terminal
 TOUCHING_MM = 4.0
 #: A facet of a larger radius, mm, is nearly flat. Condyles have 20 to 45.
 FLATTEST_MM = 50.0
+#: Splines that leave more than this of a pose, degrees or mm, are doubtful.
+_DOUBTFUL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
 class FemurAxes:
-    """Axis points of a femur, in the frame of the poses."""
+    """Axis points of a femur, mm, in the frame of the poses; medial ones before lateral ones."""
 
-    # Medial and lateral point of the extension, then of the flexion axis, shape `(2, 2, 3)`, mm.
-    points: np.ndarray
-    hinge: np.ndarray  # medial and lateral point of the hinge's axis, shape `(2, 3)`, mm
+    points: np.ndarray  # of the extension, then of the flexion axis, `(2, 2, 3)`
+    hinge: np.ndarray  # of the hinge's axis, `(2, 3)`
     hinge_source: str  # what that axis goes through, in words
-    # Medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
-    epicondyles: np.ndarray | None
-    # Points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
-    surface: np.ndarray | None = None
+    epicondyles: np.ndarray | None  # `(2, 3)`, if they are known
+    surface: np.ndarray | None = None  # points of the mesh or of the knee's condyles, `(n, 3)`
     facets: joints.CondyleAxes | None = None  # the cylinders that were fitted to them
     regions: str = ""  # how the facets were chosen, in words
     doubts: tuple[str, ...] = ()  # sentences on facets that are none of a condyle
@@ -52,10 +51,10 @@ def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
     found = files.read_axis_points(arguments.axes, side)
     given = _given_epicondyles(arguments, side)
     known = found.epicondyles if given is None else given
-    if known is None:
-        words = "the extension axis (no epicondyles are given)"
-        return lambda _: FemurAxes(found.points, found.points[0], words, None)
-    return lambda _: FemurAxes(found.points, known, "the epicondyles", known)
+    hinge, words = known, "the epicondyles"
+    if hinge is None:
+        hinge, words = found.points[0], "the extension axis (no epicondyles are given)"
+    return lambda _: FemurAxes(found.points, hinge, words, known)
 
 
 def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
@@ -67,11 +66,9 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     if arguments.landmarks is not None:
         known = files.read_femur_landmarks(arguments.landmarks, side)
         epicondyles = known.epicondyles if epicondyles is None else epicondyles
-        try:
+        with files.said_of(arguments.landmarks):
             (hip,) = _centers(points, known.hip_center[None], (known.head_within,))
             frame = joints.femur_frame(hip, *epicondyles, anterior=None)
-        except joints.UnsuitableLandmarks as error:
-            raise problem(arguments.landmarks, error) from None
         points, epicondyles = joints.in_frame(frame, points), joints.in_frame(frame, epicondyles)
         normals = np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)
     if arguments.tibia is None:
@@ -105,9 +102,8 @@ def axes_from_knee(arguments: JointFit, knee: Knee, offset: Mapping[str, float])
     own = _fitted(arguments, arguments.knee, points, normals, None)
     shift = np.array([offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
     known = {"hinge": own.hinge + shift, "facets": _shifted(own.facets, shift)}
-    if (epicondyles := _given_epicondyles(arguments, knee.side)) is not None:
-        known |= {"hinge": epicondyles, "epicondyles": epicondyles,
-                  "hinge_source": "the epicondyles"}  # fmt: skip
+    if (given := _given_epicondyles(arguments, knee.side)) is not None:
+        known |= {"hinge": given, "epicondyles": given, "hinge_source": "the epicondyles"}
     axes = dataclasses.replace(own, points=own.points + shift, surface=points + shift, **known)
     return lambda _: axes
 
@@ -132,10 +128,8 @@ def _fitted(arguments: JointFit, file: str | Path, points: np.ndarray, normals: 
     flexion = tuple(arguments.flexion_facet or joints.FLEXION_DEG)
     regions = " and ".join(f"{low:g} to {high:g}" for low, high in (extension, flexion))
     regions += " degrees, from anterior through distal"
-    try:
+    with files.said_of(file):
         found = joints.condyle_axes(points, normals, extension, flexion, touching=touching)
-    except joints.UnsuitableMesh as error:
-        raise problem(file, error) from None
     hinge, words = epicondyles, "the epicondyles"
     if hinge is None:
         axis = found.transverse
@@ -146,9 +140,7 @@ def _fitted(arguments: JointFit, file: str | Path, points: np.ndarray, normals: 
         f"{facet.side} {facet.name} facet: a radius of {facet.cylinder.radius:.0f} mm is nearly "
         "flat, so that its centre means little: choose it elsewhere "
         f"({'--touching-within, or no --tibia' if touching else f'--{facet.name}-facet'})"
-        for facet in found.facets
-        if facet.cylinder.radius > FLATTEST_MM
-    )
+        for facet in found.facets if facet.cylinder.radius > FLATTEST_MM)  # fmt: skip
     return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions, doubts)
 
 
@@ -159,37 +151,26 @@ def _tibia(arguments: JointFit, side: str) -> np.ndarray:
     if arguments.landmarks is None:
         return points
     known = files.read_tibia_landmarks(arguments.landmarks, side)
-    try:
+    with files.said_of(arguments.landmarks):
         ankle = _centers(points, known.ankle, known.ankle_within).mean(axis=0)
         frame = joints.tibia_frame(ankle, *known.plateau, anterior=None)
-    except joints.UnsuitableLandmarks as error:
-        raise problem(arguments.landmarks, error) from None
     return joints.in_frame(frame, points)
 
 
 def _centers(mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]) -> np.ndarray:
     """The places, or the centres of the balls of bone about them."""
-    return np.array(
-        [
-            place if near is None else joints.joint_center(mesh, place, near).surface.frame.origin
-            for place, near in zip(places, within, strict=True)
-        ]
-    )
+    return np.array([
+        place if near is None else joints.joint_center(mesh, place, near).surface.frame.origin
+        for place, near in zip(places, within, strict=True)])  # fmt: skip
 
 
 def _given_epicondyles(arguments: JointFit, side: str) -> np.ndarray | None:
     both = arguments.medial_epicondyle, arguments.lateral_epicondyle
-    if both == (None, None):
-        return None
-    return np.array(both) * _mirror(side)
+    return None if both == (None, None) else np.array(both) * _mirror(side)
 
 
 def _mirror(side: str) -> np.ndarray:
     return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
-
-
-#: Splines that leave more than this of a pose, degrees or mm, are doubtful.
-_DOUBTFUL = 1e-6
 
 
 def check_columns(names: Mapping[str, str]) -> None:
@@ -248,10 +229,9 @@ def run(arguments: JointFit) -> int:
         at = at or (flexion.min(), flexion.max())
         files.parse_flexion(",".join(map(str, at)), "--at", "degrees")
         angles = np.unique(np.concatenate([flexion, at]))
-        try:  # whether these are flexions for a joint is known before any pose
+        # Whether these are flexions for a joint is known before any pose.
+        with files.said_of("--at" if arguments.at else "--flexion"):
             calibration_rows(np.pad(angles[:, None], ((0, 0), (0, 5))), at)
-        except UnsuitablePoses as error:
-            raise problem("--at" if arguments.at else "--flexion", error) from None
         table, status, doubts = passive_motion(knee, offset, angles)
         for angle in sorted(at):
             found = status[int(np.searchsorted(angles, angle))]
@@ -268,10 +248,9 @@ def run(arguments: JointFit) -> int:
     try:
         axes = find_axes(Pose.from_table(table[calibration_rows(table, at)]))
         fit = fit_joints(table, axes.points, axes.hinge, at, arguments.interpolation)
-    except UnsuitablePoses as error:
-        raise problem(source, error) from None
     except JointProblem as error:
-        raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
+        axes_from = arguments.femur or arguments.axes or arguments.knee
+        raise problem(source if isinstance(error, UnsuitablePoses) else axes_from, error) from None
     origin, out = arguments.femur or arguments.axes, arguments.out
     whence, name = "its condyles" if origin is None else origin.name, out.name or "joint"
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
@@ -292,8 +271,7 @@ def run(arguments: JointFit) -> int:
         doubts=(*doubts, *axes.doubts),
         document={"poses": poses, "knee": None if knee is None else knee.name,
                   "convention": convention, "side": side, "axes": whence,
-                  "facets": axes.regions or None, "settings": arguments.options()},
-    )  # fmt: skip
+                  "facets": axes.regions or None, "settings": arguments.options()})  # fmt: skip
     return deliver(answer, arguments, written)
 
 

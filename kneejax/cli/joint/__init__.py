@@ -1,1 +1,0 @@
-"""`kneejax joint`: a file for each of its commands."""
