@@ -9,8 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.dynamics._history import Moment, damping_of, in_step
-from kneejax.dynamics._moving import MovingKnee
+from kneejax.dynamics._moving import Moment, MovingKnee, damping_of, in_step
 from kneejax.geometry import State, coordinates_of
 from kneejax.mechanics import QUADRICEPS, Load, contact_damping_force, damping_force
 from kneejax.numerics import compiled
@@ -66,12 +65,9 @@ class Account(eqx.Module):
 
 @compiled(static_argnums=(4,))
 def flow(
-    moving: MovingKnee,
-    loads: tuple[Load, ...],
-    known: Moment,
-    contact_points: Array,
+    moving: MovingKnee, loads: tuple[Load, ...], known: Moment, contact_points: Array,
     held: tuple[str, ...],
-) -> Flow:
+) -> Flow:  # fmt: skip
     """Energies and powers at moments, under their loads `(3, moments)`.
 
     Leaves of `moving` end in a lane axis of length one; `held` are names of the coordinates that
@@ -129,18 +125,15 @@ def flow(
 def account_of(time_s: Array, flow: Flow) -> Account:
     """Add up what flows, by the trapezoidal rule between neighbouring moments."""
     lost, by_loads, by_drives = (
-        _summed(time_s, x) for x in (flow.dissipation, flow.by_loads, flow.by_drives)
+        _from_start(0.5 * jnp.diff(time_s) * (power[1:] + power[:-1]))
+        for power in (flow.dissipation, flow.by_loads, flow.by_drives)
     )
     work, potential = by_loads + by_drives, flow.potential - flow.potential[0]
     missing = flow.kinetic - flow.kinetic[0] + potential + lost - work
-    moved = [flow.kinetic, flow.potential]
-    turned = sum(
-        jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])
-        for x in (*moved, lost, by_loads, by_drives)
-    )
+    parts = flow.kinetic, flow.potential, lost, by_loads, by_drives
+    turned = sum(_from_start(jnp.abs(jnp.diff(x))) for x in parts)
     return Account(flow.kinetic, potential, lost, work, missing, 0.5 * turned + flow.kinetic[0])
 
 
-def _summed(time_s: Array, power: Array) -> Array:
-    parts = 0.5 * jnp.diff(time_s) * (power[1:] + power[:-1])
+def _from_start(parts: Array) -> Array:
     return jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])

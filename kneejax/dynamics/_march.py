@@ -18,8 +18,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import ArrayLike, NDArray
 
-from kneejax.dynamics._history import History, Moment, Step
-from kneejax.dynamics._moving import MovingKnee
+from kneejax.dynamics._moving import History, Moment, MovingKnee, Step
 from kneejax.geometry import coordinates_of, free_of, scales
 from kneejax.numerics import WrongValue, compiled, on_all_cores, traced
 from kneejax.statics import (
@@ -132,8 +131,6 @@ BLOCK = 256
 _MOST_LANES = 32
 #: Motions that are followed are filled up to a multiple of so many steps.
 _IDLE = 64
-
-
 #: Derivatives compute the tangents anew: a step need not.
 SEARCH = EnergyNewton(atol=1e-9)
 
@@ -164,14 +161,6 @@ class Moments(eqx.Module):
     # How far the step ended from where it was expected, mm (rotations at 30 mm): its error is a
     # part of that.
     surprise: Array
-
-
-class Carry(eqx.Module):
-    """What goes from step to step: the past, whether a motion has ended, and with what status."""
-
-    history: History
-    ended: Array
-    status: Array
 
 
 def march(
@@ -262,13 +251,13 @@ def with_idle_steps(given: Given, equilibrium: Equilibrium) -> tuple[Given, Equi
     return dataclasses.replace(given, steps=rows[0]), rows[1]
 
 
-def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):
+def _in_blocks(program, moving: MovingKnee, rows, history: History, progress=None):
     """Steps by the block: one compiled program serves motions of any length."""
     count, blocks = len(jax.tree.leaves(rows)[0]), []
     rows = jax.tree.map(np.asarray, rows)
     for first in range(0, count, BLOCK):
         block = jax.tree.map(lambda x, k=first: _filled_up(x[k : k + BLOCK], BLOCK), rows)
-        carry, answer = program(moving, *block, carry)
+        history, answer = program(moving, *block, history)
         blocks.append(jax.tree.map(np.asarray, answer))
         if progress is not None:
             progress(min(first + BLOCK, count))
@@ -283,19 +272,18 @@ def _filled_up(rows, count: int) -> np.ndarray:
 
 
 @compiled()
-def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilibrium]:
+def found(moving: MovingKnee, steps: Step, history: History) -> tuple[History, Equilibrium]:
     """The balance of every step; the first axis counts them."""
 
     names, bodies = coordinates_of(moving.knee.bodies), moving.knee.bodies
 
-    def advance(before: Carry, step: Step):
+    def advance(before: History, step: Step):
         step, idle = _filled(step)
-        history = before.history
 
         def taken():
             rows = jnp.array([names.index(name) for name in free_of(step.held, bodies)])
-            guess = Guess(history.guess(step)[rows], history.contact_points)
-            return solve_equilibrium(history.knee_of(moving, step), step.held, guess, SEARCH)
+            guess = Guess(before.guess(step)[rows], before.contact_points)
+            return solve_equilibrium(before.knee_of(moving, step), step.held, guess, SEARCH)
 
         def rested():
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(taken))
@@ -303,39 +291,36 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilib
         equilibrium = lax.cond(jnp.all(before.ended) | idle, rested, taken)
         return _moved_on(moving, before, step, equilibrium, idle), equilibrium
 
-    return lax.scan(advance, carry, steps)
+    return lax.scan(advance, history, steps)
 
 
 @compiled(static_argnums=(4,))
 def follow(
-    moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry, exactly: bool
-) -> tuple[Carry, Moments]:
-    """The motion whose balances were found, as a function of all that it depends on; for its
-    derivatives tangents are computed anew where the balances are: `exactly`."""
+    moving: MovingKnee, steps: Step, equilibrium: Equilibrium, history: History, exactly: bool
+) -> tuple[History, Moments]:
+    """The motion whose balances were found; for derivatives `exactly`, with tangents at these."""
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
-    def advance(before: Carry, each: tuple[Step, Equilibrium]):
+    def advance(before: History, each: tuple[Step, Equilibrium]):
         step, idle = _filled(each[0])
-        knee, known = before.history.knee_of(moving, step), each[1]
+        knee, known = before.knee_of(moving, step), each[1]
         known = with_tangent(knee, step.held, known) if exactly else known
         balance = differentiable(knee, step.held, known)
         after = _moved_on(moving, before, step, balance, idle)
-        there = after.history
-        off = (there.last.q - before.history.guess(step)) / scale
-        known = jax.tree.map(lambda x: jnp.where(after.ended, jnp.nan, x), there.last)
+        off = (after.last.q - before.guess(step)) / scale
+        known = jax.tree.map(lambda x: jnp.where(after.ended, jnp.nan, x), after.last)
         surprise = jnp.max(jnp.abs(off), axis=0)
-        return after, Moments(known, there.contact_points, after.status, balance.steps, surprise)
+        return after, Moments(known, after.contact_points, after.status, balance.steps, surprise)
 
-    return lax.scan(advance, carry, (steps, equilibrium))
+    return lax.scan(advance, history, (steps, equilibrium))
 
 
-def begun(moving: MovingKnee, given: Given) -> Carry:
+def begun(moving: MovingKnee, given: Given) -> History:
     """What goes into the first step."""
     first, contact_points = first_moment(moving, given.q, given.rate, jnp.asarray(given.pull))
     lanes = given.q.shape[1:]
-    history = History(first, first, contact_points)
-    return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
+    return History(first, first, contact_points, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
 
 
 #: The start of a motion, and where contacts meet there: `Moment.at_first`.
@@ -349,16 +334,19 @@ def _filled(step: Step) -> tuple[Step, Array]:
 
 
 def _moved_on(
-    moving: MovingKnee, before: Carry, step: Step, equilibrium: Equilibrium, idle: Array
-) -> Carry:
+    moving: MovingKnee, before: History, step: Step, equilibrium: Equilibrium, idle: Array
+) -> History:
     """With a step's end in the past, in lanes where the motion goes on."""
-    history, still = before.history, before.ended | idle
+    still = before.ended | idle
     goes_on = ~still & converged(equilibrium.status)
     # Nothing is made of coordinates that are NaN: their derivatives would be so everywhere.
     q = equilibrium.state.at(coordinates_of(moving.knee.bodies))
-    there = jnp.where(goes_on, q, history.last.q)
-    moment = history.after(moving, step, there, jnp.nan_to_num(equilibrium.contact_points))
-    there = History(moment, history.last, equilibrium.contact_points)
-    there = jax.tree.map(lambda new, old: jnp.where(goes_on, new, old), there, history)
+    there = jnp.where(goes_on, q, before.last.q)
+    moment = before.after(moving, step, there, jnp.nan_to_num(equilibrium.contact_points))
+    last, older, points = jax.tree.map(
+        lambda new, old: jnp.where(goes_on, new, old),
+        (moment, before.last, equilibrium.contact_points),
+        (before.last, before.older, before.contact_points),
+    )
     status = jnp.where(still, before.status, equilibrium.status)
-    return Carry(there, before.ended | (~goes_on & ~idle), status)
+    return History(last, older, points, before.ended | (~goes_on & ~idle), status)

@@ -13,9 +13,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._account import Account, Flow, account_of, flow
-from kneejax.dynamics._history import Step
 from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, march, rising
-from kneejax.dynamics._moving import MovingKnee
+from kneejax.dynamics._moving import MovingKnee, Step
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
 from kneejax.numerics import Named, WrongValue, traced
@@ -163,15 +162,12 @@ class Trajectory(eqx.Module, Named):
 
     def flow(self) -> Flow:
         """Energies and powers at every moment."""
-        known = self.moments.known
-        rows = known, self.loads, self.moments.contact_points
         # Moments as lanes.
-        lanes, loads, points = jax.tree.map(
-            lambda x: (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1), rows
+        rows = jax.tree.map(
+            lambda x: (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1),
+            (self.loads, self.moments.known, self.moments.contact_points),
         )
-        moving = add_lane_axis(self.moving)
-        rows = loads, lanes, points
-        held = tuple(self.held)
+        moving, held = add_lane_axis(self.moving), tuple(self.held)
         if traced((moving, rows)):
             return flow(moving, *rows, held)
         count = len(self.moments.status)
@@ -187,17 +183,10 @@ class Trajectory(eqx.Module, Named):
 
 
 def move(
-    moving: MovingKnee,
-    start: ArrayLike,
-    time_s: ArrayLike | Grid,
-    *,
-    rate: ArrayLike = 0.0,
-    pull_N: ArrayLike = 0.0,
-    loads: LoadCurve | None = None,
-    held: Held = (),
-    within: int = 1,
+    moving: MovingKnee, start: ArrayLike, time_s: ArrayLike | Grid, *, rate: ArrayLike = 0.0,
+    pull_N: ArrayLike = 0.0, loads: LoadCurve | None = None, held: Held = (), within: int = 1,
     progress: Callable[[int], None] | None = None,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """Let a knee move.
 
     Args:
@@ -234,7 +223,8 @@ def move(
     """
     grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
     times = grid.moments_s
-    acting, ways = _acting(loads, times), _ways(moving.knee, held, jnp.asarray(start, float), times)
+    acting = () if loads is None else loads.at(jnp.asarray(times))
+    ways = _ways(moving.knee, held, jnp.asarray(start, float), times)
     given = given_of(moving, start, grid, rate=rate, pull_N=pull_N, loads=loads, held=held)
     found = march(add_lane_axis(moving), given, progress)
     moments, asked = _with_start(moving, given, found), np.concatenate([[0], 1 + grid.asked])
@@ -245,15 +235,9 @@ def move(
 
 
 def given_of(
-    moving: MovingKnee,
-    start: ArrayLike,
-    grid: Grid,
-    *,
-    rate: ArrayLike = 0.0,
-    pull_N: ArrayLike = 0.0,
-    loads: LoadCurve | None = None,
-    held: Held = (),
-) -> Given:
+    moving: MovingKnee, start: ArrayLike, grid: Grid, *, rate: ArrayLike = 0.0,
+    pull_N: ArrayLike = 0.0, loads: LoadCurve | None = None, held: Held = (),
+) -> Given:  # fmt: skip
     """What `move` gives to `march`: for programs of one's own over many motions on the same steps.
 
     Arguments as those of `move`, with `grid`, the steps.
@@ -272,18 +256,13 @@ def given_of(
         >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).steps.length_s.shape
         (6,)
     """
-    times = grid.moments_s
-    q = jnp.asarray(start, float)
-    ways = _ways(moving.knee, held, q, times)
-    later, led = jax.tree.map(lambda x: x[1:], (_acting(loads, times), ways))
+    q, times = jnp.asarray(start, float), grid.moments_s
+    acting = () if loads is None else loads.at(jnp.asarray(times))
+    later, led = jax.tree.map(lambda x: x[1:], (acting, _ways(moving.knee, held, q, times)))
     cable = led.pop(QUADRICEPS, None)
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)[:, None]
     steps = Step(jnp.asarray(grid.length_s), jnp.asarray(grid.ratio), later, led, cable)
     return Given(q[:, None], rates, steps, jnp.asarray(pull_N, float))
-
-
-def _acting(loads: LoadCurve | None, times: np.ndarray) -> tuple[Load, ...]:
-    return () if loads is None else loads.at(jnp.asarray(times))
 
 
 def _ways(knee: Knee, held: Held, q: Array, times: np.ndarray) -> dict[str, Array]:

@@ -1,9 +1,6 @@
 """A knee to move by hand: settings, answers within a tenth of a second, a page, a notebook."""
 
-from kneejax.explorer.answers import Answer as Answer
-from kneejax.explorer.answers import Curves as Curves
 from kneejax.explorer.by_hand import ByHand as ByHand
-from kneejax.explorer.notebook import Explorer as Explorer
 from kneejax.explorer.notebook import explore as explore
 from kneejax.explorer.page import Page as Page
 from kneejax.explorer.server import serve as serve

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kneejax.explorer.answers import Curves
-from kneejax.explorer.setting import Setting, Subject
+from kneejax.explorer.setting import Curves, Setting, Subject
 from kneejax.explorer.solving import Solver
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import Condition, ParameterMap, sensitivity_map

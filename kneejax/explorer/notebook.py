@@ -57,13 +57,7 @@ def explore(
 
 
 class Explorer:
-    """Sliders, curves and a map of a `ByHand`.
-
-    Attributes:
-        hand: the study and where it stands.
-        sliders: parameter -> its slider.
-        panel: the widget that a cell shows.
-    """
+    """Sliders, curves and a map of a `ByHand`."""
 
     def __init__(self, hand: ByHand, pair: tuple[str, str] | None, grid: tuple[int, int]):
         """Draw everything once; from then on only numbers change."""

@@ -11,11 +11,8 @@ from typing import Any
 import numpy as np
 
 from kneejax.explorer import panels
-from kneejax.explorer.answers import Answer, Curves
-from kneejax.explorer.ends import Ends
-from kneejax.explorer.latest import Latest
-from kneejax.explorer.saving import Folder
-from kneejax.explorer.setting import Setting, Subject
+from kneejax.explorer.server import Latest
+from kneejax.explorer.setting import Answer, Curves, Folder, Setting, Subject
 from kneejax.explorer.solving import Solver
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
@@ -45,16 +42,10 @@ class Page:
     """
 
     def __init__(
-        self,
-        server: Any,
-        subject: Subject,
-        document: dict[str, Any],
-        link: str = "",
-        out: Path | None = None,
-        measured: np.ndarray | None = None,
-        bones: Sequence[BoneMesh] = (),
-        first: str = "as read",
-    ):
+        self, server: Any, subject: Subject, document: dict[str, Any], link: str = "",
+        out: Path | None = None, measured: np.ndarray | None = None,
+        bones: Sequence[BoneMesh] = (), first: str = "as read",
+    ):  # fmt: skip
         """Show a knee as it is.
 
         Args:
@@ -78,7 +69,7 @@ class Page:
         self._latest = Latest(self._solve, self._failed)
         self.solved = self._latest.settled
         self._drawing = Drawing(server.scene, self._clicked)
-        self._ends = Ends(server.scene, subject, self.set)
+        self._ends = panels.Ends(server.scene, subject, self.set)
         self.answer = self._solver.unsolved()
         self._scene: Scene | None = None
         self._own: Curves | None = None
@@ -244,16 +235,23 @@ class Page:
         self._moving.on_update(lambda _: self._show_gizmos())
         self._cutting.on_click(lambda _: (self._cut(self._ligament.value), self._show_numbers()))
 
-        @self._stiffness.on_update
-        def _(event: Any) -> None:
-            if event.client is not None:
-                name = f"{self._ligament.value}.stiffness"
-                self.set(name, self.subject.limits[name][0] * self._stiffness.value / 100.0)
+        def stiffness() -> tuple[str, float]:
+            name = f"{self._ligament.value}.stiffness"
+            return name, self.subject.limits[name][0] * self._stiffness.value / 100.0
 
-        @self._strain.on_update
+        def strain() -> tuple[str, float]:
+            return f"{self._ligament.value}.reference_strain", self._strain.value / 100.0
+
+        self._moved_by_hand(self._stiffness, stiffness)
+        self._moved_by_hand(self._strain, strain)
+
+    def _moved_by_hand(self, slider: Any, number: Callable[[], tuple[str, float]]) -> None:
+        """Set a number whenever a person, and not the page itself, moves a slider."""
+
+        @slider.on_update
         def _(event: Any) -> None:
             if event.client is not None:
-                self.set(f"{self._ligament.value}.reference_strain", self._strain.value / 100.0)
+                self.set(*number())
 
     def _build_saving(self, gui: Any) -> None:
         actions = {"Undo": self.undo, "Reset": lambda: self.go(Setting()), "Keep as A": self.keep,
@@ -289,11 +287,7 @@ class Page:
         own, low, high = self.subject.limits[name]
         handle = self._server.gui.add_slider(label, low, high, step, own)
         self._sliders[name] = handle
-
-        @handle.on_update
-        def _(event: Any) -> None:
-            if event.client is not None:
-                self.set(name, handle.value)
+        self._moved_by_hand(handle, lambda: (name, handle.value))
 
     def _show_numbers(self) -> None:
         """Put every slider where the setting is."""
@@ -347,8 +341,7 @@ class Page:
         self._show_bars()
 
     def _aim(self, client: Any) -> None:
-        """Look at the whole knee; where the panel lies upon the lower part, from farther, and
-        lower."""
+        """Look at the whole knee: from farther and lower where the panel lies upon it."""
         camera, own = client.camera, self._server.initial_camera
         away, middle = np.array(own.position) - own.look_at, np.array(own.look_at)
         if camera.aspect < _NARROW:

@@ -1,21 +1,25 @@
-"""What stands beside the knee: numbers, scales of colours, sensitivity bars, curves."""
+"""What stands beside the knee: numbers, scales of colours, sensitivity bars, curves; and gizmos on
+the ends of a ligament."""
 
 from __future__ import annotations
 
+import functools
 import html
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kneejax.explorer.answers import FLEXIONS, MOVED, TESTS, Answer, Curves
+from kneejax.explorer.setting import ENDS, FLEXIONS, MOVED, TESTS, Answer, Curves, Setting, Subject
 from kneejax.explorer.solving import Solver
-from kneejax.geometry import FREE_COORDINATES, coordinate
+from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate
 from kneejax.mechanics import NAMED_LOADS
+from kneejax.quantities import AXES
 from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION, part_styles
 from kneejax.report.look.tables import NONE, plain
 from kneejax.report.scene.drawing import scales
 from kneejax.report.scene.scene import Fibre
+from kneejax.report.scene.surfaces import Places
 
 _BARS = 12
 #: Something is being computed, for as long as nobody knows.
@@ -45,8 +49,7 @@ def title_of(name: str) -> str:
 
 
 def numbers(answer: Answer, strain: float, pressure: float, picked: Sequence[Fibre]) -> str:
-    """Coordinates, pressures and clicked fibres of a pose as HTML, with what is wrong with it and
-    the scales of colours, up to a strain and a pressure, MPa."""
+    """Numbers of a pose and of clicked fibres as HTML, with the ends of both colour scales."""
     rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}" if np.isfinite(x) else NONE)
             for n, x in answer.coordinates.items()]  # fmt: skip
     rows += [(f"Peak pressure, {n.replace('_', ' ')}", f"{x:.2f} MPa")
@@ -74,8 +77,7 @@ class Charts:
         self, gui: Any, tabs: Any, solver: Solver, measured: np.ndarray,
         asked: Callable[[str], None],
     ):  # fmt: skip
-        """Show nothing yet; `asked` is called with the load of a chosen laxity test, or nothing.
-        """
+        """Show nothing yet; `asked` is called with the load of a chosen laxity test, or nothing."""
         self._solver, self._measured = solver, measured
         self._every: Mapping[str, Curves | None] = {"now": None}
         self._answer = solver.unsolved()
@@ -141,8 +143,7 @@ class Charts:
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
-    """What moves a coordinate or a ligament's force, as HTML: its derivatives by the parameters
-    times their prior standard deviations, `unknown`."""
+    """A number's derivatives times the prior standard deviations of the parameters, as HTML."""
     if answer.status is None:
         return WAITING
     if of not in answer.slopes or not np.isfinite(answer.slopes[of]).all():
@@ -179,3 +180,42 @@ def _plot(title: str, x: np.ndarray, lines: list[tuple]) -> dict[str, Any]:
         "series": ({"label": "flexion, °"}, *series),
         "scales": {"x": {"time": False, "range": (0.0, 120.0)}, "y": {"range": heights}},
     }  # fmt: skip
+
+
+class Ends:
+    """Gizmos on the ends of one ligament, those on the femur and on the tibia."""
+
+    def __init__(self, viser_scene: Any, subject: Subject, moved: Callable[[str, float], None]):
+        """None are shown; `moved` is called with the name of an end's coordinate and its mm."""
+        self._scene, self._subject, self._moved = viser_scene, subject, moved
+        self._mirror = np.array([1.0, 1.0, -1.0 if subject.knee.side == "left" else 1.0])
+        self._shown: dict[str, tuple[str, Any]] = {}
+        self._places = Places({})
+
+    def show(self, ligament: str, setting: Setting, answer: Answer) -> None:
+        """Put gizmos on a ligament's ends where the bones of an answer are; none where it is ''."""
+        self._places = Places.of(answer.state)
+        names = {end: [f"{ligament}.{end}.{axis}" for axis in AXES] for end in ENDS}
+        names = {end: each for end, each in names.items() if each[0] in self._subject.limits}
+        for end in [*self._shown]:
+            if end not in names or self._shown[end][0] != ligament:
+                self._shown.pop(end)[1].remove()
+        for end, each in names.items():
+            if end not in self._shown:
+                gizmo = self._scene.add_transform_controls(
+                    f"/ends/{end}", scale=14.0, disable_rotations=True, disable_sliders=True,
+                    depth_test=False,
+                )  # fmt: skip
+                gizmo.on_update(functools.partial(self._dragged, each))
+                self._shown[end] = ligament, gizmo
+            point = np.array([self._subject.value(setting, name) for name in each])
+            there = self._places.moved(point, ENDS[end], TIBIA, 0) * self._mirror
+            self._shown[end][1].position = tuple(map(float, there))
+
+    def _dragged(self, names: list[str], event: Any) -> None:
+        if event.client is None:
+            return
+        point = np.asarray(event.target.position) * self._mirror
+        own = self._places.moved(point, TIBIA, ENDS[names[0].split(".")[1]], 0)
+        for name, value in zip(names, own.tolist(), strict=True):
+            self._moved(name, value)

@@ -1,4 +1,6 @@
-"""A viser server for one person: this machine alone, a token, and messages that are checked.
+"""A viser server for one person, and the thread that computes what its page wants last.
+
+This machine alone, a token, and messages that are checked.
 
 viser takes whatever a page sends. Here every request passes first: its Host, its Origin, the token
 of the link (kept in a cookie, since the page opens its socket without the link), the size and the
@@ -13,7 +15,10 @@ import http
 import logging
 import math
 import secrets
+import threading
+import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from unittest.mock import patch
@@ -145,3 +150,88 @@ def _finite(value: Any) -> bool:
     if isinstance(value, list | tuple):
         return all(map(_finite, value))
     return not isinstance(value, float) or math.isfinite(value)
+
+
+class Superseded(Exception):
+    """Something else is wanted by now."""
+
+
+class Latest:
+    """Whatever is wanted next ends what is computed, at its next chance."""
+
+    def __init__(self, compute: Callable[[], None], failed: Callable[[], None]):
+        """Compute in a thread what is wanted; `failed` is called after what the terminal shows."""
+        self.lock, self.settled = threading.Condition(), threading.Event()
+        self._compute, self._failed = compute, failed
+        self._wanted = self._begun = 0
+        self._ended = False
+        self.aside = ThreadPoolExecutor(1)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def want(self) -> None:
+        """Have it computed again; whoever calls holds the lock."""
+        self._wanted += 1
+        self.settled.clear()
+        self.lock.notify()
+
+    def end(self) -> None:
+        """End the threads."""
+        with self.lock:
+            self._ended = True
+            self.lock.notify()
+        self._thread.join()
+        self.aside.shutdown()
+
+    def go_on(self, *_: int) -> None:
+        """Raise `Superseded` where that is so."""
+        if self._superseded():
+            raise Superseded
+
+    def rest(self, seconds: float) -> None:
+        """Wait; what is wanted earlier ends it."""
+        with self.lock:
+            self.lock.wait_for(self._superseded, seconds)
+        self.go_on()
+
+    def meanwhile(self, work: Callable[..., Any], *given: Any) -> Any:
+        """Compute something that calls `progress` now and then; what is wanted ends it."""
+        begun = self._begun
+
+        def go_on(*_: int) -> None:
+            # The thread may have begun anew by then.
+            if self._ended or begun != self._wanted:
+                raise Superseded
+
+        def done(_: Any) -> None:
+            with self.lock:
+                self.lock.notify()
+
+        future = self.aside.submit(work, *given, progress=go_on)
+        future.add_done_callback(done)
+        with self.lock:
+            self.lock.wait_for(lambda: future.done() or self._superseded())
+        future.cancel()
+        self.go_on()
+        return future.result()
+
+    def _superseded(self) -> bool:
+        return self._ended or self._begun != self._wanted
+
+    def _run(self) -> None:
+        while True:
+            with self.lock:
+                self.lock.wait_for(self._superseded)
+                if self._ended:
+                    return
+                self._begun = self._wanted
+            try:
+                self._compute()
+            except Superseded:
+                continue
+            except Exception:  # the page lives on, the terminal says why
+                traceback.print_exc()
+                self._failed()
+            with self.lock:
+                if not self._superseded():
+                    self.settled.set()

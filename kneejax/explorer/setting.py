@@ -1,18 +1,24 @@
-"""What a person has set: a few numbers that differ from the knee's own, as a link holds them."""
+"""What a person has set, as a link holds it; the pose and curves that it gives; files of it."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
+import yaml
 
-from kneejax.geometry import FEMUR, TIBIA
+from kneejax.files import reconstructed, restated, write_knee, write_poses
+from kneejax.geometry import FEMUR, TIBIA, State
 from kneejax.mechanics import NAMED_LOADS, QUADRICEPS, Knee
-from kneejax.parameters import Selection, cut, default_bounds, fibre_rows, select
+from kneejax.parameters import Selection, cut, default_bounds, fibre_rows, fibres_cut, select
 from kneejax.quantities import AXES
+from kneejax.statics import Equilibrium, Status
 
 #: Ends of a ligament that may be moved, and the bone that each is on.
 ENDS = {"femoral_attachment": FEMUR, "tibial_attachment": TIBIA}
@@ -22,6 +28,12 @@ _LOADS = {"lateral_N": 100.0, "anterior_N": 200.0, "compression_N": 800.0, "varu
 _FLEXION, _PULL = "flexion_deg", "quadriceps_N"
 #: How far an attachment may be moved along an axis, mm, and a reference strain changed.
 _MOVED_MM, _STRAINED = 15.0, 0.1
+#: Flexions of the curves, degrees.
+FLEXIONS = np.linspace(0.0, 120.0, 25)
+#: Tests of laxity: load -> its size, both ways.
+TESTS = {"anterior_N": 100.0, "varus_Nm": 10.0, "internal_Nm": 5.0}
+#: The coordinate that each moves most.
+MOVED = {"anterior_N": "anterior", "varus_Nm": "adduction", "internal_Nm": "internal_rotation"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,3 +204,125 @@ class Subject:
     def knee_at(self, setting: Setting) -> Knee:
         """The same with what is cut, as `--cut` gives it."""
         return cut(self.set_in(setting), self.cut_in(setting))
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """A pose at a setting."""
+
+    setting: Setting  # that was asked for
+    knee: Knee  # with its parameters
+    status: Status | None  # of the pose; None until the first is known
+    coordinates: dict[str, float]  # free coordinate -> degrees or mm; NaN where nothing balances
+    #: Where the bones are, `(1,)`. Without a balance it is the last pose's, like the numbers below.
+    state: State
+    found: Equilibrium | None  # the balance; None where there is none
+    force_N: dict[str, float]  # ligament -> force
+    strain: dict[str, float]  # ligament -> largest strain of its fibres
+    peak_MPa: dict[str, float]  # compartment -> largest pressure
+    derive: Callable[[], dict[str, np.ndarray]]  # computes `slopes`
+
+    @cached_property
+    def slopes(self) -> dict[str, np.ndarray]:
+        """Coordinate or ligament -> derivative of degrees, mm or N by the parameters, `(p,)`."""
+        return self.derive()
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong with the pose and what to try; empty where nothing is."""
+        if self.status is None:
+            return "Compiling: some minutes the first time that a knee is opened, seconds later."
+        if self.status == Status.BALANCED:
+            return ""
+        last = "" if self.status.converged else " The last pose that balanced is shown, grey."
+        return f"{self.status.fault.capitalize()}: {self.status.advice}.{last}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Curves:
+    """What a setting does over flexion."""
+
+    setting: Setting  # that was asked for
+    flexion_deg: np.ndarray  # of the poses, `(n,)`
+    status: np.ndarray  # `Status` values, `(n,)`
+    coordinates: dict[str, np.ndarray]  # free ones, degrees or mm, `(n,)`; NaN without a balance
+    force_N: dict[str, np.ndarray]  # ligament -> force, `(n,)`
+    laxity: dict[str, np.ndarray]  # test, if any, -> degrees or mm between its two loads, `(n,)`
+    own: np.ndarray  # free coordinates, `(n, free)`; of a test both loads follow, `(3 n, free)`
+    contact_points: np.ndarray  # likewise, `(n, points, 2)`
+    derive: Callable[[], dict[str, np.ndarray]]  # computes `slopes`
+
+    @cached_property
+    def slopes(self) -> dict[str, np.ndarray]:
+        """Likewise, `(n, p)`; NaN where nothing balances."""
+        return self.derive()
+
+    @property
+    def table(self) -> np.ndarray:
+        """Poses in the order of `kneejax.geometry.COLUMNS`, `(n, 6)`, degrees and mm."""
+        return np.column_stack([self.flexion_deg, *self.coordinates.values()])
+
+    def at(self, flexion_deg: float) -> tuple[np.ndarray, np.ndarray]:
+        """Free coordinates, `(free,)`, and contact points near a flexion."""
+        flexion = self.flexion_deg
+        q = np.array([np.interp(flexion_deg, flexion, x) for x in self.own[: len(flexion)].T])
+        return q, self.contact_points[int(np.argmin(np.abs(flexion - flexion_deg)))]
+
+
+@dataclasses.dataclass(frozen=True)
+class Folder:
+    """Where files go; a file that is there stays as it is, and the next number is taken."""
+
+    path: Path  # made where the first file is written
+    subject: Subject
+    document: dict[str, Any]  # of its knee file
+    measured: np.ndarray  # poses of a study, `(n, 6)`, degrees and mm; no row without a study
+
+    def knee(self, setting: Setting) -> Path:
+        """Write a setting as a knee file, without what is cut, the flexion and the loads."""
+        path, link, whole = self._free("knee", "yaml"), _link(setting), self.subject.set_in(setting)
+        rows = fibres_cut(whole, self.subject.cut_in(setting))
+        torn = [whole.ligaments.names[row] for row in rows]
+        document = restated(self.document, whole, link)
+        write_knee(reconstructed(document, whole, torn, (), link), path, link)
+        return path
+
+    def study(self, setting: Setting) -> Path:
+        """Write a study for `kneejax calibrate`.
+
+        With measured poses its search begins at the setting. Without, its poses are those of the
+        setting, to see whether a search from the knee as it was read finds its numbers.
+        """
+        link, names = _link(setting), self.subject.selection.names
+        changed = {name: x for name, x in setting.numbers if name in names}
+        knee = self.knee(Setting())
+        study: dict[str, Any] = {
+            "title": f"{self.subject.knee.name}, set by hand", "knee": knee.name,
+            "parameters": [*changed] or ["*.stiffness", "*.reference_strain"],
+        }  # fmt: skip
+        if len(self.measured):
+            poses = self._free("poses", "csv")
+            write_poses(poses, self.measured)
+            study |= {"measured": {"file": poses.name, "source": link}, "start": changed}
+        else:
+            study["synthetic"] = {"parameters": changed, "flexion_deg": FLEXIONS.tolist()}
+        path = self._free("study", "yaml")
+        path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+        return path
+
+    def picture(self, client: Any) -> Path:
+        """Write what a page shows of the knee."""
+        from PIL import Image
+
+        path = self._free("picture", "png")
+        Image.fromarray(client.get_render(1080, 1440, transport_format="png")).save(path)
+        return path
+
+    def _free(self, kind: str, ending: str) -> Path:
+        self.path.mkdir(parents=True, exist_ok=True)
+        names = (self.path / f"explore-{kind}-{i}.{ending}" for i in range(1, 10_000))
+        return next(path for path in names if not path.exists())
+
+
+def _link(setting: Setting) -> str:
+    return f"kneejax explore: {setting.link or 'as read'}"

@@ -17,8 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import evaluate
-from kneejax.explorer.answers import FLEXIONS, MOVED, TESTS, Answer, Curves
-from kneejax.explorer.setting import Setting, Subject
+from kneejax.explorer.setting import FLEXIONS, MOVED, TESTS, Answer, Curves, Setting, Subject
 from kneejax.geometry import FREE_COORDINATES, State, scales, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, load_of, pull_of
 from kneejax.numerics import compiled
@@ -49,8 +48,7 @@ _AHEAD = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class _Varied:
-    """Sets stiffnesses and attachments, changes reference strains, and takes away the stiffness of
-    what is cut; steers compiled functions."""
+    """Sets, changes and cuts ligaments by the numbers of `Subject.numbers`."""
 
     plain: Selection
     strains: Selection
@@ -221,8 +219,7 @@ class Solver:
         _sought(knee, self._cases([0.0], Setting()), *nothing)
 
     def _knees(self, setting: Setting) -> tuple[Knee, np.ndarray, Knee]:
-        """See `Subject.numbers`, and the knee that they vary: the same while only flexion and loads
-        change."""
+        """`Subject.numbers`, and the knee that they vary, kept for other flexions and loads."""
         parts, known = tuple(x for x in setting.numbers if "." in x[0]), self._known
         if known[0] != parts:
             own, numbers = self.subject.numbers(Setting(parts))
@@ -231,8 +228,7 @@ class Solver:
         return known[1]
 
     def _begin(self, setting: Setting, near: Curves | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """Coordinates and contact points at which a pose is sought: beyond the last two poses where
-        the same number moves on, at the last one, or on curves."""
+        """Where a pose is sought: beyond the last two poses, at the last one, or on curves."""
         flexion = self.subject.value(setting, "flexion_deg")
         for last, found in self._trail[-1:]:
             if abs(flexion - self.subject.value(last.setting, "flexion_deg")) < _NEAR_DEG:
@@ -268,8 +264,7 @@ class Solver:
         return LoadCases.at(np.asarray(flexion_deg, float), loads).of(self.subject.knee)
 
     def _moved(self, one: Setting, other: Setting) -> tuple[str, float]:
-        """The number that differs between two settings, and by how much; no name where it is not
-        one alone."""
+        """The one number that differs between two settings, if it is one, and by how much."""
         names = {name for name, _ in {*one.numbers} ^ {*other.numbers}}
         if len(names) != 1:
             return "", 0.0
@@ -349,8 +344,7 @@ class Solver:
         self, knee: Knee, numbers: np.ndarray, cases: LoadCases, near: Curves | None,
         progress: Progress | None,
     ) -> Equilibria:  # fmt: skip
-        """Balances of curves: near other ones if every pose of those is found again and none has
-        left its neighbours."""
+        """Balances of curves: near other ones if all poses are found again and none has jumped."""
         if near is not None and len(near.own) == len(cases) and np.isfinite(near.own).all():
             found = balance_near(knee, self._vary, numbers, cases, near.own[None],
                                  near.contact_points[None], progress)  # fmt: skip

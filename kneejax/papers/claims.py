@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,44 +37,27 @@ def silent(stage: str) -> Iterator[Progress]:
 
 
 class Finding(NamedTuple):
-    """What was computed for a claim.
+    """What was computed for a claim."""
 
-    Attributes:
-        holds: whether the criterion holds; None where it cannot be judged. Where it has parts, what
-            each is about -> whether it holds, and the reason begins with those that do not.
-        ours: the computed numbers, in words.
-        reason: of the verdict; None for the one in the paper's file, if any.
-        numbers: what stands for the names in braces of that one.
-    """
-
+    #: Whether the criterion holds; None where it cannot be judged. Where it has parts, what each is
+    #: about -> whether it holds, and the reason begins with those that do not.
     holds: bool | Mapping[str, bool] | None
-    ours: str
-    reason: str | None = None
-    numbers: Mapping[str, Any] = MappingProxyType({})
+    ours: str  # the computed numbers, in words
+    reason: str | None = None  # of the verdict; None for the one in the paper's file, if any
+    numbers: Mapping[str, Any] = MappingProxyType({})  # for the names in braces of that one
 
 
 @dataclasses.dataclass(frozen=True)
 class Claim:
-    """A judged claim: one row of reproduction.csv, in the order of its columns.
+    """A judged claim: one row of reproduction.csv, in the order of its columns."""
 
-    Attributes:
-        number: e.g. `1.4`.
-        statement: what is claimed, in our words.
-        criterion: what has to hold of computed numbers; the reason says so if it was changed after
-            they were seen.
-        printed: what the paper prints for it.
-        ours: what was computed; `-` if nothing.
-        verdict: one of `VERDICTS`.
-        reason: why the verdict is what it is, where that needs saying.
-    """
-
-    number: str
-    statement: str
-    criterion: str
-    printed: str
-    ours: str
-    verdict: str
-    reason: str = ""
+    number: str  # e.g. `1.4`
+    statement: str  # what is claimed, in our words
+    criterion: str  # what has to hold of computed numbers; the reason says if it was changed later
+    printed: str  # what the paper prints for it
+    ours: str  # what was computed; `-` if nothing
+    verdict: str  # one of `VERDICTS`
+    reason: str = ""  # why the verdict is what it is, where that needs saying
 
     def __post_init__(self):
         if self.verdict not in VERDICTS:
@@ -88,17 +71,8 @@ def claimed(paper: int) -> dict[str, Any]:
 
 
 def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[Claim, ...]:
-    """Judge the claims of a paper.
-
-    Args:
-        paper: its number.
-        findings: number of a claim -> what was computed; a claim without one cannot be judged.
-        words: what stands for the names in braces in the paper's file.
-
-    Returns:
-        The claims in the order of the file.
-    """
-    entries = claimed(paper)["claims"]
+    """Judge the claims of a paper."""
+    entries, words = claimed(paper)["claims"], claimed(paper).get("words", {}) | words
     if not findings.keys() <= entries.keys():
         raise ValueError(f"paper{paper}.yaml lacks {sorted(findings.keys() - entries.keys())}")
     verdicts = {True: REPRODUCED, False: NOT_REPRODUCED, None: CANNOT_BE_JUDGED}
@@ -119,14 +93,11 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     return tuple(claims)
 
 
-def in_words(numbers: Mapping[Any, Any], form: str, apart: str = ", ") -> str:
-    """Numbers with their names, each in a form; of a tuple each number has a place in it.
-
-    Example:
-        >>> in_words({"ACL": (0.5, 2.0), "PCL": (1.0, 3.0)}, "{} {:.0%} of {:g} mm")
-        'ACL 50% of 2 mm, PCL 100% of 3 mm'
-    """
-    every = ((name, x if isinstance(x, tuple) else (x,)) for name, x in numbers.items())
+def in_words(
+    numbers: Mapping[Any, Any] | Iterable[tuple[Any, Any]], form: str, apart: str = ", "
+) -> str:
+    """Numbers by name, each in a form; of a tuple each number has a place in it."""
+    every = ((name, x if isinstance(x, tuple) else (x,)) for name, x in dict(numbers).items())
     return apart.join(form.format(name, *x) for name, x in every)
 
 
@@ -142,21 +113,7 @@ def answered(
     tables: Mapping[str, Table], settings: Mapping[str, Any], doubts: Sequence[str] = (),
     words: Mapping[str, Any] | None = None, document: Mapping[str, Any] | None = None,
 ) -> Answer:
-    """A paper's claims with everything that was computed for them.
-
-    Args:
-        paper: its number.
-        claims: judged.
-        figures: name of the file -> figure, or figure and caption where the paper's file has none.
-        tables: name of the file -> table.
-        settings: everything needed to run it again.
-        doubts: sentences that a reader must know before the verdicts.
-        words: what stands for the names in braces of the page's first paragraphs.
-        document: what result.json holds.
-
-    Returns:
-        The answer; its first table is `reproduction`.
-    """
+    """A paper's claims with everything that was computed for them."""
     said, values = claimed(paper), {"verdicts": ", ".join(VERDICTS), **(words or {})}
     columns = [field.name for field in dataclasses.fields(Claim)]
     every = [claim.verdict for claim in claims]

@@ -10,27 +10,29 @@ import dataclasses
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from kneejax.geometry import State
 from kneejax.inference import versions
-from kneejax.mechanics import Knee
-from kneejax.papers.fibre_changes import HORNS, Change, changes_of, with_fibres
-from kneejax.papers.varus_valgus import (
-    BODY_WEIGHT_N,
-    DIRECTIONS,
-    VarusValgus,
-    VarusValgusRamp,
-    peak_pressure,
-    varus_valgus,
-)
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.papers.varus_valgus import DIRECTIONS, VarusValgus, VarusValgusRamp, peak_pressure
 from kneejax.parameters import UnsuitableData, fibre_rows
-from kneejax.statics import in_lanes
+from kneejax.statics import balance_many, in_lanes
 
+#: What is changed of a ligament, or of all menisci with horns: in words, unit of a change's value.
+CHANGED = {
+    "prestretch": ("prestretch", ""), "youngs_modulus": ("Young's modulus", "MPa"),
+    "attachment": ("attachment", ""), "horn_stiffness": ("horn stiffness", "N/mm"),
+}  # fmt: skip
+#: Values of an attachment's change: which ends are halved.
+HALVES = {1.0: "femoral half", 2.0: "tibial half", 3.0: "both halves"}
 #: Outcomes, and the upper limits of the scores 0.5, 1, 1.5, 2 and 2.5 in the outcome's unit.
 LIMITS = {"convergence_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
           "rmse_deg": (0.2, 0.5, 0.9, 1.4, 2.0), "pressure_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
@@ -39,22 +41,99 @@ LIMITS = {"convergence_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
 NOUGHT = 1e-6
 
 
-def score(outcome: str, difference: float) -> float:
-    """Score of an average difference to the unchanged knee.
+def _fibres(knee: Knee) -> tuple[Any, ...]:
+    """What a change moves: four arrays of all fibres, and the stiffness of each pair of horns."""
+    own = knee.ligaments
+    horns = (contact.ring.horn_stiffness for contact in knee.contacts if contact.ring is not None)
+    return (own.stiffness, own.slack_length, own.femoral_attachment, own.tibial_attachment, *horns)
 
-    Args:
-        outcome: a key of `LIMITS`.
-        difference: not negative; below `NOUGHT` it counts as none.
 
-    Returns:
-        0 to 3 in halves; NaN for NaN.
+def with_fibres(knee: Knee, fibres: tuple[Any, ...]) -> Knee:
+    """The knee with other numbers of its fibres and horns, as `changes_of` has them."""
+    return eqx.tree_at(_fibres, knee, fibres)
 
-    Source: paper 4, Table 5.
 
-    Example:
-        >>> [score("rmse_deg", x) for x in (0.0, 0.2, 0.21, 2.0, 2.01)]
-        [0.0, 0.5, 1.0, 2.5, 3.0]
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """A ligament, or the menisci, that differ from the unchanged knee's."""
+
+    ligament: str  # its name, or that of a group of fibres; `menisci`
+    quantity: str  # a key of `CHANGED`
+    value: float  # how much is added: of stretch; MPa; N/mm a horn; or a key of `HALVES`
+
+    @property
+    def parameter(self) -> str:
+        """Name of what is changed, e.g. `MCL.prestretch`."""
+        return f"{self.ligament}.{self.quantity}"
+
+    @property
+    def label(self) -> str:
+        """The value in words or with its unit."""
+        if self.quantity == "attachment":
+            return HALVES[self.value]
+        return f"{self.value:+g} {CHANGED[self.quantity][1]}".strip()
+
+
+def changes_of(knee: Knee, settings: OneAtATime) -> tuple[tuple[Change, ...], tuple[Array, ...]]:
+    """Every change of every ligament, and what `with_fibres` takes, the unchanged knee's first.
+
+    A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's
+    modulus scales their stiffnesses by `1 + change / reference_modulus_MPa`. An attachment is
+    halved as in paper 4, on the femur to the most proximal half of the fibres' ends, on the tibia
+    or fibula to the most distal half: the other fibres end at the nearest of those, as taut at
+    the reference pose as before. A single line has no halves. Horns of menisci change together;
+    what would leave them no stiffness is left out.
     """
+    own, length = knee.ligaments, np.asarray(knee.reference_length())
+
+    def one(ligament: str) -> Iterator[tuple[Change, Knee]]:
+        rows = fibre_rows(knee, ligament)
+        for value in settings.prestretch:
+            slack = np.array(own.slack_length)
+            slack[rows] = length[rows] / (length[rows] / slack[rows] + value)
+            yield Change(ligament, "prestretch", value), with_ligaments(knee, slack_length=slack)
+        for value in settings.modulus_MPa:
+            stiffness = np.array(own.stiffness)
+            stiffness[rows] *= 1.0 + value / settings.reference_modulus_MPa
+            softer = with_ligaments(knee, stiffness=stiffness)
+            yield Change(ligament, "youngs_modulus", value), softer
+        for value in HALVES if len(rows) > 1 else ():
+            femoral, tibial = np.array(own.femoral_attachment), np.array(own.tibial_attachment)
+            if value != 2.0:
+                femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
+            if value != 1.0:
+                tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
+            moved = with_ligaments(knee, femoral_attachment=femoral, tibial_attachment=tibial)
+            slack = np.asarray(own.slack_length) * np.asarray(moved.reference_length()) / length
+            yield Change(ligament, "attachment", value), with_ligaments(moved, slack_length=slack)
+
+    found = [pair for ligament in settings.ligaments for pair in one(ligament)]
+    *fibres, horns = *_fibres(knee)[:4], np.array(_fibres(knee)[4:], float)
+    for value in settings.horn_N_per_mm if len(horns) else ():
+        if (horns + value > 0.0).all():
+            softer = with_fibres(knee, (*fibres, *(horns + value)))
+            found.append((Change("menisci", "horn_stiffness", value), softer))
+    variants = (_fibres(variant) for variant in (knee, *(variant for _, variant in found)))
+    return tuple(change for change, _ in found), jax.tree.map(lambda *x: jnp.stack(x), *variants)
+
+
+def with_ligaments(knee: Knee, **fibres: Any) -> Knee:
+    """The knee with other arrays of its ligaments."""
+    arrays = {name: jnp.asarray(x) for name, x in fibres.items()}
+    return dataclasses.replace(knee, ligaments=dataclasses.replace(knee.ligaments, **arrays))
+
+
+def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Ends `(n, 3)`, those of the lower half moved to the nearest of the higher half."""
+    order = np.argsort(-height, kind="stable")
+    kept = ends[order[: -(-len(ends) // 2)]]
+    away = np.linalg.norm(ends[:, None] - kept[None], axis=-1)
+    # Those that are kept are nearest to themselves.
+    return kept[np.argmin(away, axis=1)]
+
+
+def score(outcome: str, difference: float) -> float:
+    """Score, 0 to 3, of an average difference to the unchanged knee (paper 4, Table 5)."""
     if math.isnan(difference):
         return math.nan
     if difference < NOUGHT:
@@ -64,34 +143,24 @@ def score(outcome: str, difference: float) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class OneAtATime:
-    """Settings of the study; the defaults are paper 4's.
+    """Settings of the study; the defaults are paper 4's."""
 
-    Attributes:
-        ligaments: names that every knee must have, of ligaments or groups.
-        prestretch: added to the reference strain.
-        modulus_MPa: added to Young's modulus.
-        reference_modulus_MPa: modulus that the knees' own stiffnesses stand for. A line has a
-            stiffness and no cross-section, so a change of modulus is taken as a change of stiffness
-            in proportion. 345 MPa was measured on fascicles of the ACL, PCL and LCL (Butler, Kay
-            and Stouffer 1986); with it, 100 MPa are 29 per cent.
-        horn_N_per_mm: added to each horn of menisci; 180 become 18 springs of 1, 5 and 20 N/mm.
-        full_Nm: moment that is aimed at.
-        body_weight_N: half of it is the axial load.
-        axial_steps: of the ramp.
-        moment_steps: likewise.
-        least_Nm: a variant that does not get so far is left out where pressures are compared.
-    """
-
-    ligaments: tuple[str, ...] = ("ACL", "PCL", "MCL", "LCL")
+    ligaments: tuple[str, ...] = ("ACL", "PCL", "MCL", "LCL")  # or groups, which every knee has
+    #: Added to the reference strain; to Young's modulus.
     prestretch: tuple[float, ...] = (-0.1, -0.075, -0.05, -0.025, 0.025, 0.05, 0.075, 0.1)
     modulus_MPa: tuple[float, ...] = (-100.0, -75.0, -50.0, -25.0, 25.0, 50.0, 75.0, 100.0)
+    #: Modulus that the knees' own stiffnesses stand for. A line has a stiffness and no cross-
+    #: section, so a change of modulus is taken as a change of stiffness in proportion. 345 MPa was
+    #: measured on fascicles of the ACL, PCL and LCL (Butler, Kay and Stouffer 1986); with it, 100
+    #: MPa are 29 per cent.
     reference_modulus_MPa: float = 345.0
-    horn_N_per_mm: tuple[float, ...] = (-162.0, -90.0, 180.0)
-    full_Nm: float = 40.0
-    body_weight_N: float = BODY_WEIGHT_N
-    axial_steps: int = 4
-    moment_steps: int = 80
-    least_Nm: float = 10.0
+    horn_N_per_mm: tuple[float, ...] = (-162.0, -90.0, 180.0)  # 180: 18 springs; 1, 5, 20 N/mm each
+    full_Nm: float = 40.0  # moment that is aimed at
+    #: Half of it is the axial load; of the mean mass, 66.2 kg, of paper 4's subjects (its Table 1).
+    body_weight_N: float = 649.2
+    axial_steps: int = 4  # of the ramp
+    moment_steps: int = 80  # likewise
+    least_Nm: float = 10.0  # what does not get so far is left out where pressures are compared
 
     def __post_init__(self):
         lowest = -min(self.modulus_MPa, default=0.0)
@@ -111,67 +180,39 @@ class OneAtATime:
 
     def ramp(self, direction: str) -> VarusValgusRamp:
         """The loads in a direction."""
-        return VarusValgusRamp(
-            direction, self.full_Nm, self.body_weight_N, self.axial_steps, self.moment_steps
-        )
+        steps = self.axial_steps, self.moment_steps
+        return VarusValgusRamp(direction, self.full_Nm, self.body_weight_N, *steps)
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What a change did in one direction; contacts in the order of the knee's.
+    """What a change did in one direction; contacts in the order of the knee's."""
 
-    Attributes:
-        change: of one ligament.
-        direction: `varus` or `valgus`.
-        moment_reached_Nm: last moment held, positive in varus.
-        convergence_percent: difference in the last time held, of paper 4's time.
-        rmse_deg: of the varus rotation over the moments that both knees hold; NaN without one.
-        compared_at_Nm: moment at which pressures are compared; NaN where they are not.
-        peak_MPa: peak pressure of each contact, of this and of the unchanged knee,
-            `(2, contacts)`.
-        center_mm: its place in the tibia's frame, likewise, `(2, contacts, 3)`.
-        pressure_percent: difference of the peak pressures, mean of the contacts. A contact that
-            the unchanged knee does not have counts nowhere.
-        displacement_mm: of the places, mean of the contacts that both knees have.
-        ending: what ended the ramp, as in `VarusValgus.ending`.
-    """
-
-    change: Change
-    direction: str
-    moment_reached_Nm: float
-    convergence_percent: float
-    rmse_deg: float
-    compared_at_Nm: float
-    peak_MPa: np.ndarray
-    center_mm: np.ndarray
-    pressure_percent: float
-    displacement_mm: float
-    ending: str
+    change: Change  # of one ligament
+    direction: str  # `varus` or `valgus`
+    moment_reached_Nm: float  # last moment held, positive in varus
+    convergence_percent: float  # difference in the last time held, of paper 4's time
+    rmse_deg: float  # of the varus rotation over the moments that both knees hold; NaN without one
+    compared_at_Nm: float  # moment at which pressures are compared; NaN where they are not
+    peak_MPa: np.ndarray  # of each contact, of this and of the unchanged knee, `(2, contacts)`
+    center_mm: np.ndarray  # its place in the tibia's frame, likewise, `(2, contacts, 3)`
+    pressure_percent: float  # difference of the peaks, mean of the unchanged knee's contacts
+    displacement_mm: float  # of the places, mean of the contacts that both knees have
+    ending: str  # what ended the ramp, as in `VarusValgus.ending`
 
 
 @dataclasses.dataclass(frozen=True)
 class KneeStudy:
-    """One knee's answers.
+    """One knee's answers."""
 
-    Attributes:
-        name: of the knee.
-        contacts: their names.
-        changes: in the order of the variants after the first, which is the unchanged knee.
-        runs: direction -> all variants on the ramp.
-        tension_N: direction -> ligament -> tension in the unchanged knee at its last step.
-        outcomes: one per change and direction.
-        doubts: sentences on what limits the answers.
-        seconds: spent.
-    """
-
-    name: str
-    contacts: tuple[str, ...]
-    changes: tuple[Change, ...]
-    runs: dict[str, VarusValgus]
-    tension_N: dict[str, dict[str, float]]
-    outcomes: tuple[Outcome, ...]
-    doubts: tuple[str, ...]
-    seconds: float
+    name: str  # of the knee
+    contacts: tuple[str, ...]  # their names
+    changes: tuple[Change, ...]  # of the variants after the first, the unchanged knee
+    runs: dict[str, VarusValgus]  # direction -> all variants on the ramp
+    tension_N: dict[str, dict[str, float]]  # direction -> ligament, unchanged, at its last step
+    outcomes: tuple[Outcome, ...]  # one per change and direction
+    doubts: tuple[str, ...]  # sentences on what limits the answers
+    seconds: float  # spent
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -184,8 +225,7 @@ class KneeStudy:
         return [one for one in self.outcomes if (one.change.parameter, one.direction) == asked]
 
     def averages(self, parameter: str, outcome: str) -> dict[str, float]:
-        """Direction -> mean of an outcome, a key of `LIMITS`, over the values of a parameter; NaN
-        where nothing is known."""
+        """Direction -> mean of an outcome over the values of a parameter; NaN if unknown."""
         values = {x: [getattr(one, outcome) for one in self.outcomes_of(parameter, x)]
                   for x in DIRECTIONS}  # fmt: skip
         return {direction: float(_mean_known(np.array(x))) for direction, x in values.items()}
@@ -202,17 +242,11 @@ class KneeStudy:
 
 @dataclasses.dataclass(frozen=True)
 class KneeComparison:
-    """Knees side by side.
+    """Knees side by side."""
 
-    Attributes:
-        knees: one per knee.
-        settings: of the study.
-        versions: package -> version.
-    """
-
-    knees: tuple[KneeStudy, ...]
-    settings: OneAtATime
-    versions: dict[str, str]
+    knees: tuple[KneeStudy, ...]  # one per knee
+    settings: OneAtATime  # of the study
+    versions: dict[str, str]  # package -> version
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -228,33 +262,16 @@ class KneeComparison:
 
 
 def compare_knees(
-    knees: Mapping[str, Knee],
-    settings: OneAtATime | None = None,
+    knees: Mapping[str, Knee], settings: OneAtATime | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> KneeComparison:
-    """Change one ligament at a time, and menisci, in several knees under varus and valgus moments.
-
-    Args:
-        knees: name -> knee, each with the ligaments of the settings.
-        settings: paper 4's by default.
-        progress: called with how many balances are done, and of how many.
-
-    Returns:
-        Outcomes and scores of every knee.
-
-    Raises:
-        UnknownParameter: a knee lacks a ligament.
-        UnsuitableData: no knees.
-
-    Source: paper 4, sections 2.2 to 2.4.
-    """
+) -> KneeComparison:  # fmt: skip
+    """Change one ligament at a time, and menisci, in several knees under varus and valgus moments
+    (paper 4, sections 2.2 to 2.4); `progress` sees balances done and all."""
     settings = settings or OneAtATime()
     if not knees:
         raise UnsuitableData("no knees; expected one or more")
     # All are looked at before the first is computed.
-    asked = (settings.ligaments, settings.prestretch, settings.modulus_MPa,
-             settings.reference_modulus_MPa, settings.horn_N_per_mm)  # fmt: skip
-    work = {name: changes_of(knee, *asked) for name, knee in knees.items()}
+    work = {name: changes_of(knee, settings) for name, knee in knees.items()}
     ramps = {direction: settings.ramp(direction) for direction in DIRECTIONS}
     steps = sum(map(len, ramps.values()))
     total = sum((len(changes) + 1) * steps for changes, _ in work.values())
@@ -263,8 +280,9 @@ def compare_knees(
         begun, runs, outcomes = time.perf_counter(), {}, []
         for direction, ramp in ramps.items():
             shown = progress and (lambda more, _, before=done: progress(before + more, total))
-            run = varus_valgus(knees[name], ramp, with_fibres, fibres, shown)
-            runs[direction], done = run, done + (len(changes) + 1) * len(ramp)
+            found = balance_many(knees[name], with_fibres, fibres, ramp.load_cases, progress=shown)
+            run = runs[direction] = VarusValgus(ramp, found)
+            done += (len(changes) + 1) * len(ramp)
             for parameter in dict.fromkeys(change.parameter for change in changes):
                 rows = {i: c for i, c in enumerate(changes, 1) if c.parameter == parameter}
                 outcomes += _outcomes(knees[name], fibres, run, rows, settings.least_Nm)
@@ -296,15 +314,15 @@ def _outcomes(
     late = 100.0 * np.abs(run.time_reached[rows] / run.time_reached[0] - 1.0)
     step, far = common_step(run, rows, least_Nm)
     # Where only ligaments are changed the contacts are the knee's own.
-    own, lanes = np.array([0, *rows]), None
-    if any(change.quantity == HORNS for change in changes.values()):
+    own, lanes = np.array([0, *rows]), add_lane_axis(knee)
+    if any(change.quantity == "horn_stiffness" for change in changes.values()):
         lanes = in_lanes(knee, with_fibres, jax.tree.map(lambda x: x[own], fibres))
     q, points = (
         jnp.asarray(np.moveaxis(x[own, step], 0, -1))
         for x in (run.balances.q, run.balances.contact_points)
     )
     pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, q).tibia
-    peak, center = map(np.array, peak_pressure(knee, pose, points, lanes=lanes))
+    peak, center = map(np.array, peak_pressure(lanes, pose, points))
     unknown = ~np.r_[far.any(), far]
     peak[unknown] = center[unknown] = np.nan
     percent, moved = differences(peak, center)

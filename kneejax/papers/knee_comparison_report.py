@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, HORNS, MODULUS, PRESTRETCH
-from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
+from kneejax.papers.knee_comparison import CHANGED, HALVES, LIMITS, KneeComparison, KneeStudy
 from kneejax.papers.varus_valgus import DIRECTIONS
 from kneejax.quantities import AXES
 from kneejax.report.look import BLACK, GREEN, GREY, ORANGE, PURPLE, WIDTH, styled, verbatim
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_QUANTITIES = {PRESTRETCH: "prestretch", MODULUS: "Young's modulus", ATTACHMENT: "attachment",
-               HORNS: "horn stiffness"}  # fmt: skip
 _OUTCOMES = dict(
     zip(LIMITS, ("Convergence", "Rotation", "Peak pressure", "Place of the peak"), strict=True)
 )
@@ -125,22 +122,12 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
 
 def _parameter_words(parameter: str) -> str:
     ligament, quantity = parameter.split(".")
-    return f"{verbatim(ligament)} {_QUANTITIES[quantity]}"
+    return f"{verbatim(ligament)} {CHANGED[quantity][0]}"
 
 
 @styled
 def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
-    """Draw what one parameter does in every knee that has it (Figures 4 and 5 of paper 4).
-
-    Args:
-        found: knees side by side.
-        parameter: e.g. `MCL.prestretch`.
-
-    Returns:
-        A column per knee: rotation over the moment, a line per value; the moment that each value
-        holds; and the peak contact pressures at the moment at which all are compared. Colour means
-        the value alone; compartments differ by dashes and by filled or hollow markers.
-    """
+    """Draw what one parameter does in every knee that has it (Figures 4 and 5 of paper 4)."""
     from matplotlib.colors import Normalize
 
     knees = [knee for knee in found.knees if parameter in knee.parameters]
@@ -149,7 +136,7 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
                           apart=(0.12, 0.55), sharey="row")  # fmt: skip
     values = [change.value for change in knees[0].changes if change.parameter == parameter]
     scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
-    if not parameter.endswith(ATTACHMENT):
+    if not parameter.endswith("attachment"):
         scale = Normalize(-max(map(abs, values)), max(map(abs, values)))
         colours = {value: uniform_colours()(float(scale(value))) for value in values}
     for axes in panels.flat:
@@ -200,7 +187,7 @@ def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: f
 
 
 def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
-    moments, halved = [], parameter.endswith(ATTACHMENT)
+    moments, halved = [], parameter.endswith("attachment")
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
         peaks, unchanged = np.array([one.peak_MPa[0] for one in own]), own[0].peak_MPa[1]
@@ -221,7 +208,7 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
 
 
 def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
-    if parameter.endswith(ATTACHMENT):
+    if parameter.endswith("attachment"):
         axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"], fontsize=6.3)
         axes.set_xlim(-0.5, 3.5)
         return
@@ -231,9 +218,9 @@ def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
 
 def _value_words(parameter: str) -> str:
     quantity = parameter.split(".")[1]
-    if quantity == ATTACHMENT:
+    if quantity == "attachment":
         return "Halved on"
-    return ", ".join(filter(None, ["Change", CHANGED[quantity]]))
+    return ", ".join(filter(None, ["Change", CHANGED[quantity][1]]))
 
 
 def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
@@ -262,13 +249,7 @@ def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
 
 @styled
 def score_figure(found: KneeComparison) -> Figure:
-    """Draw the scores of every parameter and outcome, knees side by side (paper 4, Figs 6 to 8).
-
-    Returns:
-        A row per parameter, a panel per outcome, in it a column per knee. Numbers are means of the
-        scores in varus and valgus; hatched: the knee does not have the parameter, or nothing could
-        be compared.
-    """
+    """Draw the scores of every parameter and outcome, knees side by side (paper 4, Figs 6 to 8)."""
     import matplotlib
 
     parameters, names = found.parameters, [verbatim(knee.name) for knee in found.knees]

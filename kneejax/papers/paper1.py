@@ -58,24 +58,14 @@ _PHYSIOLOGICAL = {"PCL": (-0.2, -0.05), "MCL": (0.0, 0.1), "LCL": (-0.05, 0.2)}
 
 @dataclasses.dataclass(frozen=True)
 class Paper1Study:
-    """What the claims are judged by.
+    """What the claims are judged by."""
 
-    Attributes:
-        sweeps: of every stiffness and reference strain, from the values of Table 1, in the
-            paper's coordinates.
-        measured: the motion to be reached, `(n, 6)`, likewise.
-        weights: of the objective, `(5,)`.
-        cruciates: objective over the stiffnesses of ACL and PCL.
-        own: ligament -> objective over its stiffness (x) and reference strain (y).
-        calibration: by the procedures I, II and III, each gone through once.
-    """
-
-    sweeps: Sweeps
-    measured: np.ndarray
-    weights: np.ndarray
-    cruciates: ParameterMap
-    own: dict[str, ParameterMap]
-    calibration: Calibration
+    sweeps: Sweeps  # of each stiffness and reference strain from Table 1, in its coordinates
+    measured: np.ndarray  # the motion to be reached, `(n, 6)`, likewise
+    weights: np.ndarray  # of the objective, `(5,)`
+    cruciates: ParameterMap  # objective over the stiffnesses of ACL and PCL
+    own: dict[str, ParameterMap]  # ligament -> objective over its stiffness (x) and strain (y)
+    calibration: Calibration  # by the procedures I, II and III, each gone through once
 
     def effect(self, name: str, coordinate: str) -> np.ndarray:
         """Effect of one parameter on one coordinate, `(flexions,)`, degrees or mm."""
@@ -94,13 +84,7 @@ class Paper1Study:
 def reproduce(
     stages: Stages = silent, knee: str | None = None, patella: str | None = None
 ) -> Answer:
-    """Sweep, map and calibrate, and judge the claims.
-
-    Args:
-        stages: shows progress.
-        knee: with the paper's four ligaments; by default `KNEE`.
-        patella: a key of `_PATELLAS`, by default `on-path`: what the weight of 2 kg pulls on.
-    """
+    """Sweep, map and calibrate, and judge the claims."""
     from kneejax.report import map_figure, message, sweep_figure
 
     name, patella = knee or KNEE, patella or next(iter(_PATELLAS))
@@ -251,9 +235,8 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
             f"ACL weakest at {weakest[low]:.0%} of the largest ({low.replace('_', ' ')}); "
             f"{_displacements(means)}; PCL below 40 degrees {below:.0%} at most",
         ),
-        "1.8": Finding(
-            all(inside) and all(outside), "; ".join(parts), "" if all(outside) else None
-        ),
+        "1.8": Finding(all(inside) and all(outside),
+                       "; ".join(parts), "" if all(outside) else None),
     }  # fmt: skip
 
 

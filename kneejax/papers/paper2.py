@@ -1,4 +1,7 @@
-"""Paper 2: Lachman tests of ten bundles with and without the ACL (its sections 4.2 and 4.3)."""
+"""Paper 2: Lachman tests of ten bundles with and without the ACL, and grafts in eight places.
+
+Its sections 4.2 and 4.3, and Table 4.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax import planning
 from kneejax.experiments import lab_tests, load_curves, mechanics_of
 from kneejax.files import load_knee
+from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
-from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
 from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, Table, styled
-from kneejax.report.panels import grid
+from kneejax.report.panels import figure_legend, grid
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -47,29 +51,26 @@ LENGTH_CHANGES = (-0.03, 0.03)
 NEAR_MM, NEAR_PART, LITTLE = 0.15, 0.25, 0.2
 #: Below this a bundle is slack, N.
 TAUT_N = 1.0
+#: Motion with a graft, in steps of our own, degrees; pretension of hamstring grafts, N, which the
+#: paper does not print.
+EXTENSION_DEG, TENSION_N = np.arange(80.0, -1.0, -2.5), 80.0
+#: Totals of Table 4 at positions 1 to 8, and the ligaments whose distance varies most there.
+TOTALS = (5.019, 14.948, 22.068, 21.867, 14.230, 9.620, 10.131, 4.870)
+TELLING = ("pACL", "aDMCL", "pDMCL")
 #: A knee without an ACL may give way or dislocate, and is judged by that.
 _ANSWERS = (Status.BALANCED, Status.OVERSTRETCHED, Status.GIVES_WAY, Status.DISLOCATED)
 
 
 @dataclasses.dataclass(frozen=True)
 class Lachman:
-    """One Lachman test.
+    """One Lachman test."""
 
-    Attributes:
-        moved: anterior displacement at each load, mm, `(loads,)`; NaN beyond what the knee holds.
-        tension: bundle -> its tension, N, `(loads,)`.
-        neutral: where the tibia is without the load, mm along the same axis.
-        along: N per mm that the tensions alone hold the unloaded tibia by across their lines.
-        status: the worst of all loads.
-        held_N: the largest load that the knee holds.
-    """
-
-    moved: np.ndarray
-    tension: dict[str, np.ndarray]
-    neutral: float
-    along: float
-    status: Status
-    held_N: float
+    moved: np.ndarray  # anterior at each load, mm, `(loads,)`; NaN beyond what the knee holds
+    tension: dict[str, np.ndarray]  # bundle -> its tension, N, `(loads,)`
+    neutral: float  # where the tibia is without the load, mm along the same axis
+    along: float  # N per mm that the tensions alone hold the unloaded tibia by across their lines
+    status: Status  # the worst of all loads
+    held_N: float  # the largest load that the knee holds
 
     @property
     def end(self) -> float:
@@ -84,36 +85,43 @@ class Lachman:
 
 @dataclasses.dataclass(frozen=True)
 class LachmanStudy:
-    """Lachman tests by which the claims are judged.
+    """Lachman tests by which the claims are judged."""
 
-    Attributes:
-        load_N: of every test, `(loads,)`.
-        printed: state of the ACL -> test with the printed strains; a key of `STATES`.
-        calibrated: the same with the collaterals' calibrated strains.
-        deficient: what was added to the collaterals' strains -> test without the ACL.
-        prestrain: with which `calibrated` was made.
-        longer: change of the ACL bundles' resting length -> test with both bundles.
-    """
+    load_N: np.ndarray  # of every test, `(loads,)`
+    printed: dict[str, Lachman]  # key of `STATES` -> test with the printed strains
+    calibrated: dict[str, Lachman]  # the same with the collaterals' calibrated strains
+    deficient: dict[float, Lachman]  # added to the collaterals' strains -> test without the ACL
+    prestrain: float  # with which `calibrated` was made
+    longer: dict[float, Lachman]  # change of the ACL's resting lengths -> test with both bundles
 
-    load_N: np.ndarray
-    printed: dict[str, Lachman]
-    calibrated: dict[str, Lachman]
-    deficient: dict[float, Lachman]
-    prestrain: float
-    longer: dict[float, Lachman]
+
+@dataclasses.dataclass(frozen=True)
+class Octagon:
+    """Grafts by which the claims on insertions and bundles are judged."""
+
+    ligaments: tuple[str, ...]  # names; the moved bundle is `graft`
+    moved: planning.Outcome  # aACL with its resting length in the eight corners, all else intact
+    planned: planning.Outcome  # a hamstring graft in the place of both bundles in the eight corners
+    one: float  # laxity with one hamstring graft from end to end of aACL, mm
+    two: float  # the same with a second one, as stiff and as tight, from end to end of pACL, mm
 
     @property
-    def kinds(self) -> dict[str, dict[str, Lachman]]:
-        """`table_1` and `calibrated`, as tables name the strains."""
-        return {"table_1": self.printed, "calibrated": self.calibrated}
+    def table(self) -> Table:
+        """Table 4, of the moved bundle and of a graft under its tension."""
+        others = [name for name in self.ligaments if name not in ("pACL", "graft")]
+        columns = [f"{name}_distance" for name in ("graft", "pACL", *others)]
+        rows = []
+        for graft, outcome in {"moved": self.moved, "hamstring": self.planned}.items():
+            names = self.ligaments if graft == "moved" else (*others, "graft")
+            for k, distance in enumerate(outcome.distance):
+                by = dict(zip(names, distance, strict=True))
+                each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in others)]
+                rows.append([graft, k + 1, *each, outcome.total[k]])
+        return Table.plain(["graft", "position", *columns, "total"], rows)
 
 
 def reproduce(stages: Stages = silent) -> Answer:
-    """Make the tests, place the grafts, and judge the claims.
-
-    Args:
-        stages: shows progress.
-    """
+    """Make the tests, place the grafts, and judge the claims."""
     knee, grafts = load_knee(KNEE), None
     with stages("Lachman tests"):
         found = lachman_study(knee)
@@ -122,7 +130,7 @@ def reproduce(stages: Stages = silent) -> Answer:
             grafts = octagon_study(knee)
     names = (f"{name}_N" for name in found.printed["two bundles"].tension)
     rows, doubts = [], []
-    for kind, tests in found.kinds.items():
+    for kind, tests in {"table_1": found.printed, "calibrated": found.calibrated}.items():
         for state, test in tests.items():
             loaded = zip(found.load_N, test.moved, *test.tension.values(), strict=True)
             rows += [[kind, state, *row] for row in loaded]
@@ -157,8 +165,7 @@ def lachman_study(knee: Knee) -> LachmanStudy:
 
     printed = states(knee)
     deficient = {0.0: printed["deficient"]}
-    for by in PRESTRAINS[1:]:
-        deficient[by] = lachman(cut(strained(by), ("ACL",)))
+    deficient |= {by: lachman(cut(strained(by), ("ACL",))) for by in PRESTRAINS[1:]}
     lengthened = {by: lachman(longer(by)) for by in LENGTH_CHANGES}
     for _ in range(MOST_STEPS):
         best = fitted({by: one.end for by, one in deficient.items()})
@@ -170,19 +177,8 @@ def lachman_study(knee: Knee) -> LachmanStudy:
 
 
 def fitted(ends: dict[float, float]) -> float:
-    """What is added to strains so that the full load displaces by what was measured.
-
-    Args:
-        ends: what is added -> displacement, mm; NaN where the knee does not hold the load.
-
-    Returns:
-        One that is near enough; else between the two neighbours on either side of what was
-        measured, on a straight line; the nearest one where there are none.
-
-    Example:
-        >>> round(fitted({0.0: float("nan"), 0.1: 10.0, 0.2: 6.0}), 3)
-        0.15
-    """
+    """What to add to strains for the measured displacement, from displacements in mm (NaN where the
+    load is not held): one that is near enough, else between two neighbours, else the nearest."""
     held = [(by, ends[by]) for by in sorted(ends) if np.isfinite(ends[by])]
     nearest = min(held, key=lambda one: abs(one[1] - MEASURED_MM), default=(max(ends), np.nan))
     if abs(nearest[1] - MEASURED_MM) < NEAR_ENOUGH_MM:
@@ -210,13 +206,34 @@ def lachman(knee: Knee) -> Lachman:
     return Lachman(moved, named, neutral, float(along), status, held)
 
 
-def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, ...]:
-    """Judge the claims of paper 2.
+def octagon_study(knee: Knee) -> Octagon:
+    """Put the paper's graft in the corners of its octagon, as `kneejax plan acl` places grafts."""
 
-    Args:
-        found: Lachman tests of a knee with its ten bundles.
-        grafts: in eight places; None where the package that compares curves is missing.
-    """
+    def surgery(ligament: str, bundles: int, stiffness_N: float) -> planning.Surgery:
+        plan = planning.reconstruction_of(knee, ligament, bundles, stiffness_N, np.inf)
+        tibia, femur = (planning.footprint_of(knee, ligament, bone) for bone in (TIBIA, FEMUR))
+        replaced = (plan.torn,) if bundles == 1 else tuple((name,) for name in plan.torn)
+        through = planning.Protocol(EXTENSION_DEG, (FLEXION_DEG,), FULL_N)
+        # Limits of a search for an optimum; none is made.
+        free = planning.Limits(np.inf, np.inf, (1.0, 1000.0))
+        known = plan, tibia, femur, replaced, FLEXION_DEG, through
+        return planning.Surgery(*known, planning.WINDOW, free)
+
+    own, row = knee.ligaments, knee.ligaments.names.index("aACL")
+    bundle = surgery("aACL", 1, float(own.stiffness[row]))
+    corners = np.zeros((8, 5))
+    corners[:, :2], corners[:, 4] = planning.octagon(), TENSION_N
+    slack = np.full((8, 1), float(own.slack_length[row]))
+    graft = planning.GRAFTS["hamstring"].stiffness_N
+    single, double = (surgery("ACL", n, n * graft) for n in (1, 2))
+    places = np.hstack([single.tibia.fibres, single.femur.fibres, np.full((2, 1), TENSION_N)])
+    return Octagon(bundle.ligaments, bundle.try_out(corners, slack_mm=slack),
+                   single.try_out(corners), float(single.try_out(places[0]).laxity_mm[0, 0]),
+                   float(double.try_out(places.ravel()).laxity_mm[0, 0]))  # fmt: skip
+
+
+def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, ...]:
+    """Judge the claims of paper 2."""
     rises = {f"2.{5 + k}": _rise(found, name) for k, name in enumerate(RISES)}
     return judged(2, _displacement(found) | rises | _length(found) | insertions(grafts))
 
@@ -224,7 +241,7 @@ def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, .
 def _displacement(found: LachmanStudy) -> dict[str, Finding]:
     """Claims 2.1 to 2.4 and 2.7: displacement under 100 N, and what resists it without the ACL."""
     test, before = found.calibrated["deficient"], found.printed["deficient"]
-    scanned = in_words(dict(sorted(found.deficient.items())), "{:.3g}: {}")
+    scanned = in_words(sorted(found.deficient.items()), "{:.3g}: {}")
     pulls = [sum(float(t[0]) for t in one.tension.values()) for one in (before, test)]
     one, two = (found.calibrated[state].end for state in ("one bundle", "two bundles"))
     both = {"printed": found.printed, "calibrated": found.calibrated}
@@ -243,9 +260,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
         "2.2": Finding(abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
                        f"{found.calibrated['one bundle']}; with the printed strains "
                        f"{found.printed['one bundle']}"),
-        "2.3": Finding(
-            abs(one - two) < LITTLE * one, f"{one:.1f} mm with one, {two:.1f} mm with both"
-        ),
+        "2.3": Finding(abs(one - two) < LITTLE * one,
+                       f"{one:.1f} mm with one, {two:.1f} mm with both"),
         "2.4": Finding(all(not np.isfinite(b.end) or b.end > 2.0 * a for a, b in apart.values()),
                        in_words(apart, "{}: {:.1f} mm, without {}", "; ")),
         "2.7": Finding(set(order[:2]) == set(RISES),
@@ -283,18 +299,54 @@ def _length(found: LachmanStudy) -> dict[str, Finding]:
     return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers=numbers)}
 
 
+def insertions(found: Octagon | None) -> dict[str, Finding]:
+    """Claims 2.9 and 2.12 to 2.14; without the package that compares curves none can be judged."""
+    if found is None:
+        missing = Finding(None, "-", "needs dtaidistance: pip install 'kneejax[planning]'")
+        return dict.fromkeys(("2.9", "2.12", "2.13", "2.14"), missing)
+
+    def fits(totals: np.ndarray) -> bool:
+        """Whether one of the sixteen ways to number the corners gives the paper's order."""
+        ways = (np.roll(x, by) for x in (totals, totals[::-1]) for by in range(8))
+        orders = ([*np.argsort(x) + 1] for x in ways)
+        known = bool(np.isfinite(totals).all())
+        return known and any(x[:2] == [8, 1] and {*x[-2:]} == {3, 4} for x in orders)
+
+    def listed(totals: np.ndarray) -> str:
+        return ", ".join(f"{x:.2f}" if np.isfinite(x) else "no balance" for x in totals)
+
+    moved, planned = found.moved.total, found.planned.total
+    own, theirs, retensioned = (
+        float(np.max(x) / np.min(x)) for x in (moved, np.array(TOTALS), planned)
+    )
+    spread = np.ptp(found.moved.distance, axis=0)
+    widest = np.argsort(-np.nan_to_num(spread))[: len(TELLING)]
+    names = [found.ligaments[k].replace("graft", "aACL") for k in widest]
+    return {
+        "2.9": Finding(
+            fits(moved),
+            f"from front and medial through the lateral side: {listed(moved)}. A hamstring graft "
+            f"in place of both bundles, under 80 N: {listed(planned)}",
+            numbers={"fits": "does" if fits(planned) else "does not"},
+        ),
+        "2.12": Finding(0.5 * theirs < own < 2.0 * theirs,
+                        f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
+                        numbers={"corner": np.argmin(moved) + 1}),
+        "2.13": Finding(set(names) == set(TELLING),
+                        in_words(zip(names, spread[widest], strict=True), "{} {:.2f}")),
+        "2.14": Finding(abs(found.two - found.one) < LITTLE * found.one,
+                        f"{found.one:.2f} mm with one, {found.two:.2f} mm with both"),
+    }  # fmt: skip
+
+
 @styled
 def lachman_figure(found: LachmanStudy) -> Figure:
-    """Draw displacement over force in the Lachman test, as Figure 3 of paper 2 does, at rest.
-
-    Returns:
-        Two panels, with the printed strains and with the calibrated ones; a square is what the
-        paper prints. Where a curve ends early the knee gives way.
-    """
+    """Draw displacement over force in the Lachman test, as Figure 3 of paper 2 does, at rest: with
+    the printed strains and the calibrated ones. Where a curve ends early the knee gives way."""
     figure, panels = grid(1, 2, 3.4, bottom=0.92, apart=(0.2, 0.0), sharey=True)
-    titles = "Strains of Table 1", f"Collateral strains larger by {found.prestrain:.3f}"
-    load = found.load_N
-    for axes, tests, title in zip(panels[0], found.kinds.values(), titles, strict=True):
+    load, larger = found.load_N, f"Collateral strains larger by {found.prestrain:.3f}"
+    kinds = {"Strains of Table 1": found.printed, larger: found.calibrated}
+    for axes, (title, tests) in zip(panels[0], kinds.items(), strict=True):
         for name, (_, color, label) in STATES.items():
             moved = tests[name].moved
             axes.plot(load, moved, "o-", color=color, markersize=2.5, label=label)
@@ -308,5 +360,5 @@ def lachman_figure(found: LachmanStudy) -> Figure:
     axes.set_ylabel("Anterior displacement, mm")
     axes.set_ylim(bottom=0.0)
     axes.plot([], [], "s", color=BLACK, markerfacecolor="none", label="printed, same colours")
-    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncol=4, fontsize=8)
+    figure_legend(figure, ncols=4, fontsize=8)
     return figure

@@ -9,9 +9,15 @@ from functools import partial
 import numpy as np
 
 from kneejax.files import load_knee
+from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
-from kneejax.papers.fibre_changes import ATTACHMENT, HORNS, MODULUS, PRESTRETCH, synthetic_knee
-from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
+from kneejax.papers.knee_comparison import (
+    LIMITS,
+    KneeComparison,
+    KneeStudy,
+    compare_knees,
+    with_ligaments,
+)
 from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
 from kneejax.report.look import Answer
@@ -26,20 +32,13 @@ _NAMES = dict(zip(LIMITS, ("convergence", "rotation", "pressure", "place"), stri
 _SMALL, _MEDIUM, _SIMILAR, _MATTERS = 1.0, 2.0, 0.75, 1.5
 #: Part of the tension in the other direction below which a ligament counts as slack.
 _SLACK = 0.1
-#: Claims on how alike or unlike knees are, and what is to be known of these knees there.
-_BETWEEN_KNEES = ("4.4", "4.5", "4.8", "4.9", "4.12", "4.13")
-_KINSHIP = (
-    "All of these knees have one person's bones, and all but four_ligament nearly the same "
-    "ligaments: they may be more alike than those of four persons."
-)
+#: Standard deviations of synthetic knees: of attachments in each direction, mm; of reference
+#: strains; of the logarithms of stiffnesses and of the cartilage's modulus.
+ATTACHMENT_MM, STRAIN, LOG_STIFFNESS = 2.0, 0.02, 0.2
 
 
 def reproduce(stages: Stages = silent) -> Answer:
-    """Compare four bundled and two synthetic knees, and judge the findings.
-
-    Args:
-        stages: shows progress.
-    """
+    """Compare four bundled and two synthetic knees, and judge the findings."""
     knees = {name: load_knee(name) for name in KNEES}
     drawn = {f"made_up_{seed}": synthetic_knee(knees[DRAWN_AROUND], seed) for seed in SEEDS}
     with stages("knees") as show:
@@ -55,42 +54,56 @@ def reproduce(stages: Stages = silent) -> Answer:
         "drawn": len(SEEDS), "drawn_around": DRAWN_AROUND,
     }  # fmt: skip
     answer = comparison_answer(found)
-    return answered(4, claims(found, _KINSHIP), figures, answer.tables, settings, found.doubts,
+    return answered(4, claims(found), figures, answer.tables, settings, found.doubts,
                     words, answer.document)  # fmt: skip
 
 
-def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
-    """Judge the findings of the abstract, section 3 and section 4.
+def synthetic_knee(knee: Knee, seed: int) -> Knee:
+    """A knee that differs from another as persons might, by a seeded draw, independent for every
+    fibre. The ends of fibres around obstacles stay, so that none begins inside one, and so do the
+    surfaces. Such a knee is synthetic: it is neither measured, calibrated nor validated."""
+    draw, own, count = np.random.default_rng(seed), knee.ligaments, len(knee.ligaments.names)
+    strain = np.asarray(knee.reference_strain()) + STRAIN * draw.standard_normal(count)
+    bent = [row for course in own.courses for row in course.rows]
+    straight = ~np.isin(np.arange(count), bent)[:, None]
+    femoral, tibial = (
+        ends + ATTACHMENT_MM * straight * draw.standard_normal((count, 3))
+        for ends in map(np.asarray, (own.femoral_attachment, own.tibial_attachment))
+    )
+    stiffness = np.asarray(own.stiffness) * np.exp(LOG_STIFFNESS * draw.standard_normal(count))
+    ends = {"femoral_attachment": femoral, "tibial_attachment": tibial}
+    knee = with_ligaments(knee, stiffness=stiffness, **ends)
+    knee = with_ligaments(knee, slack_length=knee.reference_length() / (1.0 + strain))
+    softer = np.exp(LOG_STIFFNESS * draw.standard_normal())
+    contacts = (dataclasses.replace(x, youngs_modulus=x.youngs_modulus * softer)
+                for x in knee.contacts)  # fmt: skip
+    return dataclasses.replace(knee, contacts=tuple(contacts))
 
-    Args:
-        found: several knees with the paper's four ligaments.
-        kinship: a sentence on what the knees share, for claims that compare them.
-    """
+
+def claims(found: KneeComparison) -> tuple[Claim, ...]:
+    """Judge the findings of the abstract, section 3 and section 4."""
     share = max(found.settings.modulus_MPa, default=0.0) / found.settings.reference_modulus_MPa
     findings = _prestretch(found) | _modulus(found) | _across_parameters(found)
-    each = judged(4, findings, modulus_share=share)
-    said = {one.number: kinship if one.number in _BETWEEN_KNEES else "" for one in each}
-    return tuple(dataclasses.replace(one, reason=f"{one.reason} {said[one.number]}".strip())
-                 for one in each)  # fmt: skip
+    return judged(4, findings, modulus_share=share)
 
 
 def _prestretch(found: KneeComparison) -> dict[str, Finding]:
     """Claims 4.1 and 4.3 to 4.7."""
-    parameters = _of(found, PRESTRETCH)
+    parameters = _of(found, "prestretch")
     ranges = {}
     for knee in found.knees:
-        means = [np.nanmean([knee.score(x, o) for o in LIMITS]) for x in _of(knee, PRESTRETCH)]
+        means = [np.nanmean([knee.score(x, o) for o in LIMITS]) for x in _of(knee, "prestretch")]
         ranges[knee.name] = float(np.ptp(means))
     counts = {o: sum(_span(found, x, o) > _SIMILAR for x in parameters) for o in LIMITS}
     return {
-        "4.1": _matters(found, PRESTRETCH),
+        "4.1": _matters(found, "prestretch"),
         "4.3": Finding(min(ranges.values()) >= 0.5,
                        in_words({name: _short(x) for name, x in ranges.items()}, "{} {}")),
         "4.4": Finding(
             min(counts.values()) >= 2,
             "ligaments: " + in_words({_NAMES[o]: x for o, x in counts.items()}, "{} {}"),
         ),
-        "4.5": _alike(found, f"MCL.{PRESTRETCH}", (PRESSURE, ROTATION)),
+        "4.5": _alike(found, "MCL.prestretch", (PRESSURE, ROTATION)),
         "4.6": _one_direction(found, "LCL", VARUS, VALGUS),
         "4.7": _one_direction(found, "MCL", VALGUS, VARUS),
     }
@@ -98,34 +111,33 @@ def _prestretch(found: KneeComparison) -> dict[str, Finding]:
 
 def _modulus(found: KneeComparison) -> dict[str, Finding]:
     """Claims 4.2 and 4.8 to 4.10."""
-    spans = {name.split(".")[0]: _span(found, name, PLACE) for name in _of(found, MODULUS)}
-    pairs = [(knee, name) for knee in found.knees for name in _of(knee, MODULUS)]
+    spans = {name.split(".")[0]: _span(found, name, PLACE) for name in _of(found, "youngs_modulus")}
+    pairs = [(knee, name) for knee in found.knees for name in _of(knee, "youngs_modulus")]
     above = [
         f"{knee.name} {name.split('.')[0]} {_short(knee.score(name, PRESSURE))}"
         for knee, name in pairs
         if knee.score(name, PRESSURE) > _MEDIUM
     ]
     return {
-        "4.2": _matters(found, MODULUS),
+        "4.2": _matters(found, "youngs_modulus"),
         "4.8": Finding(
             max(spans.values()) > _SIMILAR,
             in_words({name: _short(span) for name, span in spans.items()}, "{} spans {}"),
         ),
-        "4.9": _alike(found, f"MCL.{MODULUS}", (ROTATION, PRESSURE, PLACE)),
+        "4.9": _alike(found, "MCL.youngs_modulus", (ROTATION, PRESSURE, PLACE)),
         "4.10": Finding(len(above) <= 1, _counted(above, pairs, "pairs above 2")),
     }
 
 
 def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
-    """Claims 4.11 to 4.15 and 4.17: attachments, convergence, all parameters, slack ligaments,
-    menisci."""
-    pairs = [(knee, name) for knee in found.knees for name in _of(knee, ATTACHMENT)]
+    """Claims 4.11 to 4.15 and 4.17."""
+    pairs = [(knee, name) for knee in found.knees for name in _of(knee, "attachment")]
     above = [
         f"{knee.name} {name.split('.')[0]}"
         for knee, name in pairs
         if max(knee.score(name, o) for o in LIMITS) > _MEDIUM
     ]
-    lines = [knee.name for knee in found.knees if not _of(knee, ATTACHMENT)]
+    lines = [knee.name for knee in found.knees if not _of(knee, "attachment")]
     without = f" Ligaments of one line have no halves: all of {', '.join(lines)}." if lines else ""
     spans = {name: [_span(found, name, o) for o in LIMITS] for name in found.parameters}
     ends = [name for name, each in spans.items() if each[0] > _SIMILAR]
@@ -138,9 +150,8 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
         "4.11": Finding(len(above) <= len(pairs) / 8 if pairs else None,
                         _counted(above, pairs, "pairs above 2"), numbers={"lines": without}),
         "4.12": Finding(bool(ends), _counted(ends, spans, "parameters")),
-        "4.13": Finding(
-            len(specific) > len(spans) / 2, f"{len(specific)} of {len(spans)} parameters"
-        ),
+        "4.13": Finding(len(specific) > len(spans) / 2,
+                        f"{len(specific)} of {len(spans)} parameters"),
         "4.14": Finding(slack > len(found.knees) / 2, in_words(pulls, shown, "; ")),
         "4.15": _go_together(found),
         "4.17": _horns(found),
@@ -150,7 +161,7 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
 def _horns(found: KneeComparison) -> Finding:
     """Claim 4.17: the stiffness of meniscal horns, of knees that have any."""
     scores = {knee.name: [knee.score(name, outcome) for outcome in LIMITS]
-              for knee in found.knees for name in _of(knee, HORNS)}  # fmt: skip
+              for knee in found.knees for name in _of(knee, "horn_stiffness")}  # fmt: skip
     if not scores:
         return Finding(None, "-", "None of these knees has menisci with horns.")
     return Finding(
@@ -184,7 +195,7 @@ def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Fi
 
 def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
     """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
-    parameter = f"{ligament}.{PRESTRETCH}"
+    parameter = f"{ligament}.prestretch"
     known = {knee.name: (knee.averages(parameter, ROTATION), knee.scores(parameter, ROTATION))
              for knee in found.knees if parameter in knee.parameters}  # fmt: skip
     shown = [

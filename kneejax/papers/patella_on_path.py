@@ -28,23 +28,15 @@ _FLEXION_DEG = np.arange(-10.0, 122.6, 2.5)
 
 
 class Strands(eqx.Module):
-    """Straight fibres from the patella on its path to another bone.
+    """Straight fibres from the patella on its path to another bone."""
 
-    Attributes:
-        on_path: their ends on the patella, polynomials `(k, n, 3, ...)` in the place along the
-            path, from -1 to 1, lowest power first; femur frame, mm.
-        on_other: their other ends, `(n, 3, ...)`, mm, in the other bone's frame.
-        stiffness: N per unit strain, `(n, ...)`.
-        slack_length: mm, `(n, ...)`.
-        transition_strain: as of a ligament, `(n, ...)`.
-        transition_width: likewise.
-    """
-
+    #: Their ends on the patella, polynomials `(k, n, 3, ...)` in the place along the path, from -1
+    #: to 1, lowest power first; femur frame, mm.
     on_path: Array
-    on_other: Array
-    stiffness: Array
-    slack_length: Array
-    transition_strain: Array
+    on_other: Array  # their other ends, `(n, 3, ...)`, mm, in the other bone's frame
+    stiffness: Array  # N per unit strain, `(n, ...)`
+    slack_length: Array  # mm, `(n, ...)`
+    transition_strain: Array  # as of a ligament, like the next, `(n, ...)`
     transition_width: Array
 
     def lines(self, other: Placement, place: Array) -> Vector:
@@ -72,25 +64,14 @@ class PatellaOnPath(eqx.Module):
     quadriceps, tendon and retinacula along the path are in balance. For every pose of the tibia
     that is one number, so the whole is a potential between femur and tibia, as a spring is. The
     contact, which the path stands for, does no work.
-
-    Attributes:
-        tension: of the quadriceps, N.
-        ends: least and largest arc length of the path, `(2, ...)`, mm.
-        quadriceps: its length, polynomial `(k, ...)` in the place along the path, from -1 to 1,
-            lowest power first, mm.
-        tendon: to the tibia.
-        retinacula: to the femur.
-        name: what reports call it.
-
-    Source: paper 1, section 2.2.
     """
 
-    tension: Array
-    ends: Array
-    quadriceps: Array
-    tendon: Strands
-    retinacula: Strands
-    name: str = eqx.field(static=True, default="patellar_tendon")
+    tension: Array  # of the quadriceps, N
+    ends: Array  # least and largest arc length of the path, `(2, ...)`, mm
+    quadriceps: Array  # its length, mm, polynomial `(k, ...)` in the place along the path, as above
+    tendon: Strands  # to the tibia
+    retinacula: Strands  # to the femur
+    name: str = eqx.field(static=True, default="patellar_tendon")  # what reports call it
 
     @property
     def bodies(self) -> Pair:
@@ -184,26 +165,10 @@ def _rows(points: Array) -> Vector:
 def on_path(knee: Knee, with_patella: Knee) -> Knee:
     """A knee of two bones whose patella rides on the path on which a patella in balance moves.
 
-    Args:
-        knee: of two bones; its lines of constant tension, which stand for the patella, go.
-        with_patella: the same knee of three bones; its quadriceps pulls as much on the path.
-
-    Returns:
-        The knee, for every experiment and fit that takes one of two bones. The tendon's fibres and
-        the retinacula are straight.
-
-    Raises:
-        ValueError: the first knee has a patella already, the second has none, or it has no
-            equilibrium at one of the flexions at which the path is taken.
-
-    Source: paper 1, section 2.2, where the path comes from a simulation of the contact too.
-
-    Example:
-        >>> from kneejax.files import load_knee
-        >>> three = load_knee("four_ligament", patella=True)
-        >>> on_path(three, three)
-        Traceback (most recent call last):
-        ValueError: four_ligament has its patella already: expected the knee of two bones
+    The path is that of `with_patella`, the same knee of three bones, whose quadriceps pulls as much
+    on it (paper 1, section 2.2, where the path comes from a simulation of the contact too). Lines
+    of constant tension, which stand for the patella, go; the tendon's fibres and the retinacula are
+    straight. Raises `ValueError` where a knee is not of these, or does not balance on the path.
     """
     if PATELLA in knee.bodies:
         raise ValueError(f"{knee.name} has its patella already: expected the knee of two bones")

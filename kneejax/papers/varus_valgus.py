@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose, Vector
-from kneejax.mechanics import Knee, add_lane_axis, load_of
+from kneejax.mechanics import Knee, load_of
 from kneejax.numerics import compiled
-from kneejax.statics import Equilibria, LoadCases, Status, balance_many, itself
+from kneejax.statics import Equilibria, LoadCases, Status
 
-#: N; of the mean mass, 66.2 kg, of paper 4's four subjects (its Table 1).
-BODY_WEIGHT_N = 649.2
 VARUS, VALGUS = "varus", "valgus"
 #: Directions of the moment, and its sign about the floating axis.
 DIRECTIONS = {VARUS: 1.0, VALGUS: -1.0}
@@ -32,27 +30,14 @@ class VarusValgusRamp:
 
     The axial load is `compression_N` of `kneejax.mechanics.load_of`, the moment its `varus_Nm`.
     Both act besides the loads and lines of the knee.
-
-    Attributes:
-        direction: `varus` or `valgus`.
-        full_Nm: moment at its end, positive.
-        body_weight_N: the axial load is half of it.
-        axial_steps: to reach the axial load; the last has no moment yet.
-        moment_steps: to reach the moment.
-        flexion_deg: prescribed.
-
-    Example:
-        >>> ramp = VarusValgusRamp("valgus", 40.0, 600.0, 1, 2)
-        >>> ramp.moment_Nm.tolist(), ramp.axial_N.tolist()
-        ([0.0, -20.0, -40.0], [300.0, 300.0, 300.0])
     """
 
-    direction: str
-    full_Nm: float = 40.0
-    body_weight_N: float = BODY_WEIGHT_N
-    axial_steps: int = 4
-    moment_steps: int = 80
-    flexion_deg: float = 0.0
+    direction: str  # `varus` or `valgus`
+    full_Nm: float  # moment at its end, positive
+    body_weight_N: float  # the axial load is half of it
+    axial_steps: int  # to reach the axial load; the last has no moment yet
+    moment_steps: int  # to reach the moment
+    flexion_deg: float = 0.0  # prescribed
 
     def __len__(self) -> int:
         return self.axial_steps + self.moment_steps
@@ -82,8 +67,7 @@ class VarusValgusRamp:
 
     @property
     def load_cases(self) -> LoadCases:
-        """Flexion and loads for statics, one after the other: so each moment is reached by way
-        of the lighter ones."""
+        """Flexion and loads, in order: each moment is reached through the lighter ones."""
         loads = load_of(compression_N=self.axial_N), load_of(varus_Nm=self.moment_Nm)
         return LoadCases.at(np.full(len(self), self.flexion_deg), loads)
 
@@ -96,14 +80,10 @@ class VarusValgus:
     with an unstable one, with one where surfaces meet outside their fitted regions (what lies
     there is not known), or with one so far from the step before (10 degrees or mm) that the knee
     must have jumped.
-
-    Attributes:
-        ramp: the loads.
-        balances: of the variants at the steps of the ramp, also beyond such an end.
     """
 
-    ramp: VarusValgusRamp
-    balances: Equilibria
+    ramp: VarusValgusRamp  # the loads
+    balances: Equilibria  # of the variants at the steps of the ramp, also beyond such an end
 
     @functools.cached_property
     def reached(self) -> np.ndarray:
@@ -141,58 +121,19 @@ class VarusValgus:
         return np.r_[0.0, self.ramp.moment_Nm][self.reached]
 
 
-def varus_valgus(knee: Knee, ramp: VarusValgusRamp, vary=None, values: Any = None,
-                 progress=None) -> VarusValgus:  # fmt: skip
-    """Load a knee, or variants of it, in varus or valgus.
-
-    Args:
-        knee: any knee.
-        ramp: the loads.
-        vary: makes a variant, as in `kneejax.statics.balance_many`; likewise `values` and
-            `progress`. Without it the knee itself is loaded: one variant.
-
-    Returns:
-        Rotation, and how much of the load each variant holds.
-
-    Source: paper 4, section 2.2 and Table 2.
-    """
-    if vary is None:
-        vary, values = itself, np.zeros(1)
-    found = balance_many(knee, vary, values, ramp.load_cases, progress=progress)
-    return VarusValgus(ramp, found)
-
-
+@compiled()
 def peak_pressure(
-    knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1, lanes: Knee | None = None
+    lanes: Knee, poses: Pose, contact_points: Array, share: ArrayLike = 0.1
 ) -> tuple[Array, Array]:
-    """Mean pressure over the highest tenth of each touching area, and where that is.
+    """Mean pressure over the highest tenth of each touching area, MPa, `(poses, contacts)`, 0
+    without contact, and where that is in the tibia, mm, `(poses, contacts, 3)`, or else NaN.
 
     A finite element model averages the tenth of its faces with the highest pressure. Here a tenth
     of the area counts, to a part of an element, so that nothing jumps when elements are few. An
     elliptical patch is cut into rings of equal area; of a contact that sums over points the
-    tibial surface is sampled three times as finely along both parameters.
-
-    Args:
-        knee: any knee.
-        poses: fields of shape `(poses,)`.
-        contact_points: contact points of the patches, `(n, 2, poses)`, as a balance gives them.
-        share: of the touching area.
-        lanes: the knee with a lane for each pose, where contacts differ from pose to pose.
-
-    Returns:
-        The pressure, MPa, `(poses, contacts)`, 0 without contact; and the mean place of that part
-        of the area in the tibia's frame, mm, `(poses, contacts, 3)`, NaN without contact.
-
-    Source: paper 4, section 2.4.1.
+    tibial surface is sampled three times as finely along both parameters (paper 4, 2.4.1). Contact
+    points of patches, `(n, 2, poses)`, are as a balance gives them.
     """
-    lanes = add_lane_axis(knee) if lanes is None else lanes
-    return _peak_pressure(lanes, poses, contact_points, jnp.asarray(share))
-
-
-@compiled()
-def _peak_pressure(
-    lanes: Knee, poses: Pose, contact_points: Array, share: Array
-) -> tuple[Array, Array]:
     row, peaks = 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
@@ -218,9 +159,8 @@ def _peak_pressure(
     return pressure, jnp.moveaxis(center, 0, -1)
 
 
-def _highest(pressure: Array, area: Array, place: Vector, share: Array) -> tuple[Array, Array]:
-    """Mean pressure `(elements, poses)` and place over that share of the area under pressure where
-    it is highest."""
+def _highest(pressure: Array, area: Array, place: Vector, share: ArrayLike) -> tuple[Array, Array]:
+    """Mean pressure `(elements, poses)` and place over the share of area where it is highest."""
     order = jnp.argsort(-pressure, axis=0)
     area = jnp.where(pressure > 0, area, 0.0)
     every = (jnp.broadcast_to(x, pressure.shape) for x in (pressure, area, *place))

@@ -9,10 +9,9 @@ from kneejax.cli import main
 from kneejax.geometry import Pose
 from kneejax.papers import paper2, paper3
 from kneejax.papers.claims import VERDICTS
-from kneejax.papers.paper2 import Lachman, LachmanStudy
-from kneejax.papers.paper2_grafts import TOTALS, Octagon
+from kneejax.papers.paper2 import TOTALS, Lachman, LachmanStudy, Octagon
 from kneejax.papers.paper3 import TORSION_DEG, LaxityStudy
-from kneejax.papers.rigid_leg import RigidLeg
+from kneejax.papers.rigid_patella import RigidLeg
 from kneejax.planning import Outcome
 from kneejax.statics import Status
 

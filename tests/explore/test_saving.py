@@ -5,7 +5,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.explorer import Setting, Subject
-from kneejax.explorer.saving import Folder
+from kneejax.explorer.setting import Folder
 from kneejax.files import load_knee_file
 from kneejax.parameters import fibres_cut
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.papers.fibre_changes import Change
 from kneejax.papers.knee_comparison import (
     LIMITS,
+    Change,
     KneeComparison,
     KneeStudy,
     OneAtATime,

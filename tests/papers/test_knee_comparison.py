@@ -10,16 +10,19 @@ import pytest
 import kneejax as kj
 from kneejax.mechanics import Ring, add_lane_axis
 from kneejax.numerics import compiled
-from kneejax.papers.fibre_changes import Change, changes_of, synthetic_knee, with_fibres
 from kneejax.papers.knee_comparison import (
     LIMITS,
+    Change,
     OneAtATime,
     _outcomes,
+    changes_of,
     common_step,
     compare_knees,
     differences,
     score,
+    with_fibres,
 )
+from kneejax.papers.paper4 import synthetic_knee
 from kneejax.papers.varus_valgus import VarusValgus, VarusValgusRamp, peak_pressure
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Equilibria, Guess, Status, solve_equilibrium
@@ -47,8 +50,9 @@ def grouped(small_knee):
 
 
 def varied(knee, ligaments, **changed):
-    settings = {"prestretch": (), "modulus_MPa": (), "reference_modulus_MPa": 200.0} | changed
-    changes, fibres = changes_of(knee, ligaments, **settings)
+    nothing = {"prestretch": (), "modulus_MPa": (), "horn_N_per_mm": ()}
+    settings = OneAtATime(ligaments, **nothing | {"reference_modulus_MPa": 200.0} | changed)
+    changes, fibres = changes_of(knee, settings)
     knees = [
         with_fibres(knee, jax.tree.map(lambda x, i=i: x[i], fibres))
         for i in range(len(changes) + 1)
@@ -106,7 +110,7 @@ def test_horns_of_menisci_change_together_and_keep_some_stiffness(small_knee):
 def test_pressures_beside_other_horns_are_those_of_a_knee_that_has_them(small_knee):
     """At one pose, a ring with softer horns gives way farther."""
     knee = dataclasses.replace(small_knee, contacts=(rim(),), contact_names=("medial_meniscus",))
-    changes, fibres = changes_of(knee, (), (), (), 345.0, (-200.0, 400.0))
+    changes, fibres = changes_of(knee, OneAtATime((), horn_N_per_mm=(-200.0, 400.0)))
     q, nothing = np.zeros((3, 2, 5)), np.zeros((3, 2))
     held = Equilibria(q, np.zeros((3, 2, 0, 2)), nothing.astype(int), nothing.astype(int),
                       nothing + 1.0, nothing.astype(int), nothing)  # fmt: skip
@@ -114,7 +118,7 @@ def test_pressures_beside_other_horns_are_those_of_a_knee_that_has_them(small_kn
     found = _outcomes(knee, fibres, run, dict(enumerate(changes, 1)), 5.0)
     there, points = kj.Pose(*jnp.zeros((6, 1))), jnp.zeros((0, 2, 1))
     alone = [
-        float(peak_pressure(with_fibres(knee, one), there, points)[0][0, 0])
+        float(peak_pressure(add_lane_axis(with_fibres(knee, one)), there, points)[0][0, 0])
         for one in (jax.tree.map(lambda x, i=i: x[i], fibres) for i in range(3))
     ]
     assert alone[1] < alone[0] < alone[2]

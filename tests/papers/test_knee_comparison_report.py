@@ -7,7 +7,7 @@ import pytest
 from markupsafe import escape
 
 from kneejax.papers import knee_comparison_report as report
-from kneejax.papers.claims import CANNOT_BE_JUDGED, answered
+from kneejax.papers.claims import CANNOT_BE_JUDGED, answered, claimed
 from kneejax.papers.knee_comparison import LIMITS
 from kneejax.papers.paper4 import claims
 from kneejax.report.look import picture_svg, write_page
@@ -64,9 +64,10 @@ def test_words_on_a_terminal_fit_it_and_are_ascii():
     assert "warning: a_third: unchanged, it holds" in printed
 
 
-def test_a_page_shows_every_claim_with_its_verdict_and_needs_nothing_else(tmp_path):
+def test_a_page_shows_every_claim_with_its_verdict_and_needs_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setitem(claimed(4)["words"], "kinship", "They are <kin>.")
     found = comparison()
-    judged = claims(found, "They are <kin>.")
+    judged = claims(found)
     drawn = {"scores": (report.score_figure(found), "Scores & more")}
     words = dict.fromkeys(("axial_N", "full_Nm", "reference_modulus_MPa"), 1.0)
     words |= dict.fromkeys(("knees", "drawn", "drawn_around"), "<4>")

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED
-from kneejax.papers.paper2 import MEASURED_MM, Lachman, LachmanStudy, claims, fitted
-from kneejax.papers.paper2_grafts import TOTALS, Octagon
+from kneejax.papers.paper2 import (
+    MEASURED_MM,
+    TOTALS,
+    Lachman,
+    LachmanStudy,
+    Octagon,
+    claims,
+    fitted,
+)
 from kneejax.planning import Outcome
 from kneejax.statics import Status
 

@@ -8,9 +8,8 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED
-from kneejax.papers.paper3 import TORSION_DEG, LaxityStudy, claims
-from kneejax.papers.paper3_leg import raised_leg_figure
-from kneejax.papers.rigid_leg import RigidLeg
+from kneejax.papers.paper3 import TORSION_DEG, LaxityStudy, claims, raised_leg_figure
+from kneejax.papers.rigid_patella import RigidLeg
 from kneejax.statics import Status
 
 MOVED = np.linspace(-5.0, 5.0, 21)

@@ -5,8 +5,7 @@ import dataclasses
 import pytest
 
 from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim
-from kneejax.papers.fibre_changes import Change
-from kneejax.papers.knee_comparison import LIMITS
+from kneejax.papers.knee_comparison import LIMITS, Change
 from kneejax.papers.paper4 import claims
 from tests.papers.compared_knees import AVERAGES, comparison, outcome, study
 

@@ -8,11 +8,9 @@ import pytest
 import kneejax as kj
 from kneejax.joints import MEASURES, UnsuitableMotions
 from kneejax.papers import paper5_study as study
-from kneejax.papers import paper5_tables as printed
 from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED
-from kneejax.papers.paper5 import claims
+from kneejax.papers.paper5 import claims, pooled_r2
 from kneejax.papers.paper5_study import DONOR, FACETS, axis_points
-from kneejax.papers.paper5_tables import pooled_r2
 
 pytest.importorskip("pingouin")
 
@@ -52,14 +50,14 @@ def test_pooled_r2_is_the_squared_correlation_of_all_values(rng, monkeypatch):
     """From means, spreads and spreads of differences of made-up values, exactly."""
     x = rng.normal(size=(10, 5, 5)) + np.arange(5)[:, None]
     y = x + rng.normal(size=x.shape)
-    for name, one in ((printed.MOVING_AXIS, x), (printed.EOS, y)):
-        monkeypatch.setitem(printed.MEAN, name, one.mean(axis=0))
-        monkeypatch.setitem(printed.SD, name, one.std(axis=0, ddof=1))
-    error = (y - x).std(axis=0, ddof=1)[printed.COMPARED] / np.sqrt(10)
-    monkeypatch.setitem(printed.STANDARD_ERROR, (printed.EOS, printed.MOVING_AXIS), error)
-    pooled = pooled_r2(printed.MOVING_AXIS)
+    for name, one in ((study.MOVING_AXIS, x), (study.EOS, y)):
+        monkeypatch.setitem(study.MEAN, name, one.mean(axis=0))
+        monkeypatch.setitem(study.SD, name, one.std(axis=0, ddof=1))
+    error = (y - x).std(axis=0, ddof=1)[study.COMPARED] / np.sqrt(10)
+    monkeypatch.setitem(study.STANDARD_ERROR, (study.EOS, study.MOVING_AXIS), error)
+    pooled = pooled_r2(study.MOVING_AXIS)
     for j in range(5):
-        values = [one[:, printed.COMPARED, j].ravel() for one in (x, y)]
+        values = [one[:, study.COMPARED, j].ravel() for one in (x, y)]
         assert pooled[j] == pytest.approx(np.corrcoef(*values)[0, 1] ** 2)
 
 
@@ -90,8 +88,8 @@ def test_the_stand_in_stands_as_a_femur_does(facets):
 
 def test_synthetic_subjects_have_the_printed_means_and_spreads_and_the_assumed_correlation(rng):
     many = study.synthetic_measures(0.5, 20_000, rng)
-    sd = printed.SD[printed.EOS]
-    assert np.abs(many.mean(axis=0) - printed.MEAN[printed.EOS]).max() < 0.03 * sd.max()
+    sd = study.SD[study.EOS]
+    assert np.abs(many.mean(axis=0) - study.MEAN[study.EOS]).max() < 0.03 * sd.max()
     np.testing.assert_allclose(many.std(axis=0), sd, rtol=0.02)
     for j in range(5):
         between = np.corrcoef(many[:, :, j].T)[np.triu_indices(5, 1)]
@@ -99,7 +97,7 @@ def test_synthetic_subjects_have_the_printed_means_and_spreads_and_the_assumed_c
 
 
 def test_the_printed_hinge_begins_at_the_first_row_of_its_table(found):
-    assert found.hinge[0] == pytest.approx(printed.MEAN[printed.HINGE][0], abs=1e-9)
+    assert found.hinge[0] == pytest.approx(study.MEAN[study.HINGE][0], abs=1e-9)
 
 
 def test_the_same_seed_gives_the_same_cohorts(found):

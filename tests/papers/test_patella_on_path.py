@@ -93,6 +93,15 @@ def test_where_the_patella_is_has_its_second_derivative(central_difference):
     assert bend == pytest.approx(float(central_difference(slope, 40.0, 0.05)), rel=1e-6)
 
 
+def test_a_knee_that_has_its_patella_already_is_refused():
+    three = kj.load_knee("four_ligament", patella=True)
+    with pytest.raises(ValueError, match="four_ligament has its patella already"):
+        on_path(three, three)
+    two = kj.load_knee("four_ligament")
+    with pytest.raises(ValueError, match="four_ligament has no patella"):
+        on_path(two, two)
+
+
 @pytest.mark.long
 def test_a_patella_on_its_path_moves_the_knee_as_the_patella_in_balance_does():
     """Of which the path was taken, within a degree; a line of constant tension is eight away."""

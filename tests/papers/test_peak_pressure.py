@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kneejax.geometry import Frame, Plane, Plateau, Pose, Sphere
-from kneejax.mechanics import Contact, Knee, Ligaments
+from kneejax.mechanics import Contact, Knee, Ligaments, add_lane_axis
 from kneejax.papers.varus_valgus import peak_pressure
 
 DEPTH, LAYER, PLACE = 0.8, 6.0, (7.0, 20.0)
@@ -41,7 +41,7 @@ def test_a_patch_has_the_closed_form():
         ],
         axis=-1,
     )
-    pressure, center = peak_pressure(knee, POSES, contact_points[None])
+    pressure, center = peak_pressure(add_lane_axis(knee), POSES, contact_points[None])
     highest = float(contact.modulus) * DEPTH / LAYER
     assert np.asarray(pressure)[:, 0] == pytest.approx([0.95 * highest, 0.0], rel=1e-9)
     anterior, lateral = PLACE
@@ -56,7 +56,7 @@ def test_points_approach_the_closed_form():
     order, and a share of the area is a share of the patch."""
     plateau = Plateau([[0.0]], (-14.0, 14.0), (-14.0, 14.0), Frame([7.0, -25.0, 20.0]))
     contact = dataclasses.replace(ball_on_plane(form="quadrature", points=(30, 30)), tibial=plateau)
-    pressure, center = peak_pressure(knee_of(contact), POSES, jnp.zeros((0, 2, 2)))
+    pressure, center = peak_pressure(add_lane_axis(knee_of(contact)), POSES, jnp.zeros((0, 2, 2)))
     highest = float(contact.modulus) * DEPTH / LAYER
     assert np.asarray(pressure)[:, 0] == pytest.approx([0.95 * highest, 0.0], rel=5e-3)
     # The last of the elements that count stands alone, 0.3 mm wide.
@@ -68,6 +68,6 @@ def test_the_whole_area_gives_the_mean_pressure():
     contact_points = contact.contact_point(Pose.from_table(POSES.to_table()[0]).placement)
     contact_points = jnp.stack(contact_points)[None, :, None]
     one = Pose.from_table(POSES.to_table()[:1])
-    pressure, _ = peak_pressure(knee_of(contact), one, contact_points, share=1.0)
+    pressure, _ = peak_pressure(add_lane_axis(knee_of(contact)), one, contact_points, 1.0)
     half = 0.5 * float(contact.modulus) * DEPTH / LAYER
     assert float(pressure[0, 0]) == pytest.approx(half, rel=1e-9)

@@ -10,8 +10,7 @@ import pytest
 import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, Knee, Ligaments, Muscles, add_lane_axis
-from kneejax.papers.rigid_leg import held_by_rigid_patella, rigid_leg
-from kneejax.papers.rigid_patella import RigidPatella
+from kneejax.papers.rigid_patella import RigidPatella, held_by_rigid_patella, rigid_leg
 from kneejax.statics import Guess, solve_equilibrium
 
 PULL_N, THICKNESS = 200.0, 6.0

@@ -9,8 +9,8 @@ import pytest
 
 from kneejax.geometry import FREE_COORDINATES, Frame, Plane, Pose, Sphere, State
 from kneejax.mechanics import Contact, Knee, Ligaments
-from kneejax.papers.varus_valgus import VarusValgus, VarusValgusRamp, varus_valgus
-from kneejax.statics import Equilibria, Status
+from kneejax.papers.varus_valgus import VarusValgus, VarusValgusRamp
+from kneejax.statics import Equilibria, Status, balance_many, itself
 
 TURNED = Pose.from_table([0.0, 7.0, -12.0, 3.0, -2.0, 1.0])
 
@@ -103,6 +103,10 @@ def ball_knee(mirrored):
         ["MCL", "LCL", "ACL", "PCL"],
     )
     return Knee(ligaments, contacts, (), (), Pose.from_table([0.0] * 6), ("medial", "lateral"))
+
+
+def varus_valgus(knee, ramp):
+    return VarusValgus(ramp, balance_many(knee, itself, np.zeros(1), ramp.load_cases))
 
 
 def test_a_moment_is_reached_by_way_of_the_lighter_ones():
