@@ -51,7 +51,7 @@ def write_results(
     """Write what was found, the calibrated knee and the report, whose figures need be no files. The
     answer comes back, and why there is no calibrated knee, where the search ended at none."""
     from kneejax.report.calibration import calibration_answer
-    from kneejax.report.doubts import motion_words
+    from kneejax.report.pose_tables import motion_words
 
     answer, motion = calibration_answer(result), result.fit.motion
     write_answer(answer, out, svg=svg, figures=figures, settings=result.settings,

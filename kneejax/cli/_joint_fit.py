@@ -15,8 +15,8 @@ from kneejax.experiments import passive_flexion
 from kneejax.geometry import COLUMNS, COORDINATES, Pose
 from kneejax.joints import JointProblem, UnsuitablePoses, calibration_rows, fit_joints
 from kneejax.mechanics import Knee, condyle_points
-from kneejax.report.doubts import status_doubts
 from kneejax.report.joint_fit import joint_fit_answer
+from kneejax.report.pose_tables import status_doubts
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 

@@ -18,8 +18,8 @@ from kneejax.numerics import check_installed
 from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.report.describe import knee_text
-from kneejax.report.doubts import given_doubts
 from kneejax.report.flexion import evaluation_answer
+from kneejax.report.pose_tables import given_doubts
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 

@@ -119,7 +119,7 @@ def answered(
     every = [claim.verdict for claim in claims]
     verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
                          "claim": [claim.statement for claim in claims]})
-    whole = Table.plain(columns, [dataclasses.astuple(claim) for claim in claims])
+    whole = Table(columns, [dataclasses.astuple(claim) for claim in claims])
     pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
              for name, one in figures.items()}  # fmt: skip
     drawings = {name: Drawing(lambda one=figure: one, more=more)

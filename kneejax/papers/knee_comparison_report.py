@@ -113,10 +113,10 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
     rated = [*DIRECTIONS, *(f"{direction}_score" for direction in DIRECTIONS), "score"]
     result = ["moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"]
     return {
-        "outcomes": Table.plain([*changed, *result], outcomes),
-        "pressures": Table.plain([*changed, "contact", *peaks], pressures),
-        "scores": Table.plain(["knee", "parameter", "outcome", *rated], scores),
-        "rotations": Table.plain([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
+        "outcomes": Table([*changed, *result], outcomes),
+        "pressures": Table([*changed, "contact", *peaks], pressures),
+        "scores": Table(["knee", "parameter", "outcome", *rated], scores),
+        "rotations": Table([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
     }
 
 

@@ -140,7 +140,7 @@ def reproduce(
         for name, published in TABLE_2.items()
         if name.split(".")[0] == fit.procedure
     ]
-    tables = {"evaluations": Table.plain(columns, counts)}
+    tables = {"evaluations": Table(columns, counts)}
     return answered(1, claims(found), figures, tables, settings, doubts, words)
 
 

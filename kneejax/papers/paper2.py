@@ -117,7 +117,7 @@ class Octagon:
                 by = dict(zip(names, distance, strict=True))
                 each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in others)]
                 rows.append([graft, k + 1, *each, outcome.total[k]])
-        return Table.plain(["graft", "position", *columns, "total"], rows)
+        return Table(["graft", "position", *columns, "total"], rows)
 
 
 def reproduce(stages: Stages = silent) -> Answer:
@@ -142,7 +142,7 @@ def reproduce(stages: Stages = silent) -> Answer:
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
     header = ["strains", "acl", "anterior_N", "anterior_mm", *names]
-    tables = {"lachman": Table.plain(header, rows)} | ({"octagon": grafts.table} if grafts else {})
+    tables = {"lachman": Table(header, rows)} | ({"octagon": grafts.table} if grafts else {})
     figures = {"lachman": lachman_figure(found)}
     return answered(2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE})
 

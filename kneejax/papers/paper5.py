@@ -46,7 +46,7 @@ def reproduce(stages: Stages = silent) -> Answer:
     ]
     columns = ["motion", "source", "flexion_deg", *(x.column for x in MEASURES)]
     tables = {
-        "means": Table.plain(columns, rows),
+        "means": Table(columns, rows),
         **{f"synthetic_{name}": one for name, one in comparison_tables(cohort).items()},
     }
     labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from kneejax.report.calibration import write_report as write_report
     from kneejax.report.calibration_parameters import parameters_figure as parameters_figure
     from kneejax.report.calibration_parameters import remark as remark
-    from kneejax.report.calibration_tests import tests_figure as tests_figure
+    from kneejax.report.calibration_parameters import tests_figure as tests_figure
     from kneejax.report.calibration_verdict import Outcome as Outcome
     from kneejax.report.calibration_verdict import calibration_notes as calibration_notes
     from kneejax.report.calibration_verdict import message as message

@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 
 from kneejax.experiments import Activity, Cycle, Round, with_flips
 from kneejax.geometry import BODIES, COLUMNS, COORDINATES, FEMORAL, FREE_COORDINATES, coordinate
-from kneejax.report import doubts as faults
 from kneejax.report import pose_tables
 from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
@@ -33,19 +32,17 @@ def activity_answer(
     title: str, found: Mapping[str, Activity], cycle: Cycle, *, rounds: Sequence[Round] = (),
     convention: str = FEMORAL,
 ) -> Answer:
-    """A movement, its record in a cycle, of knees by what they are called, the intact one first;
-    and rounds of OpenSim and the knee."""
-    first = next(iter(found.values()))
-    record = first.record
+    """A recorded movement, in a cycle, of knees by what they are called, the intact one first."""
+    record = next(iter(found.values())).record
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
     words, doubts, second, time = {}, [*record.doubts], False, record.time_s
     for name, one in found.items():
         here, rows = np.asarray(one.motion.to_table()), np.isfinite(one.other).all(axis=1)
         # What is wrong at each instant, or known of another balance there.
-        also = faults.with_second(faults.search_words(one.motion), one.other, here)
-        words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
-        places = faults.named_places([f"{x:.4g}" for x in time], "s")
-        said = [*faults.status_doubts(status[name], words[name], *places)]
+        also = pose_tables.with_second(pose_tables.search_words(one.motion), one.other, here)
+        words[name] = pose_tables.pose_words(one.motion.knee, one.mechanics, also)
+        places = pose_tables.named_places([f"{x:.4g}" for x in time], "s")
+        said = [*pose_tables.status_doubts(status[name], words[name], *places)]
         if rows.any():
             rows, second = np.flatnonzero(rows), True
             spans = [f"{time[a]:g}" + f" to {time[b]:g}" * (a != b) for a, b in runs(rows)]
@@ -54,12 +51,11 @@ def activity_answer(
         moment = np.asarray(one.residual_Nm)
         rms = np.sqrt(np.nanmean(moment**2)) if one.holds.any() else np.nan
         if rms > _LARGE_NM:
-            most = f"{np.nanmax(abs(moment)):.1f}"
-            said.append(prose("activity.unexplained", rms=f"{rms:.1f}", most=most))
+            said.append(prose("activity.unexplained", rms=rms, most=np.nanmax(abs(moment))))
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in said]
     tables = _tables(found, status, words, cycle, convention)
-    several, alone, drawn = len(found) > 2, len(found) == 1, dict([*found.items()][:2])
     ranges, compared = _ranges(found), place_table(found)
+    several, alone, drawn = len(found) > 2, len(found) == 1, dict([*found.items()][:2])
     drawings = {"activity": Drawing(activity_figure, drawn, cycle, title)}
     if several:
         tables["places"] = compared
@@ -102,8 +98,8 @@ def _ranges(found: Mapping[str, Activity]) -> Table:
             rms = np.sqrt(np.nanmean(off**2)) if np.isfinite(off).any() else np.nan
             rows.append([name, label, np.nanmin(values), np.nanmax(values), rms])
     same = any(one.record.same_frames for one in found.values())
-    columns = [Column("knee", words=True), Column("coordinate", " ", words=True),
-               Column("least", show=".2f"), Column("most", show=".2f"),
+    columns = ["knee", Column("coordinate", " "), Column("least", show=".2f"),
+               Column("most", show=".2f"),
                Column("rms", "rms from record" if same else "rms", ".2f")]  # fmt: skip
     return Table(columns, rows, note="Of the moment: rms of itself; nothing known to act holds it.")
 
@@ -141,7 +137,7 @@ def place_table(found: Mapping[str, Activity]) -> Table:
         torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
         rows.append([name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms])
     columns = [
-        Column("knee", words=True), Column("in_balance"), Column("overstretched"),
+        "knee", "in_balance", "overstretched",
         Column("graft_peak_N", "ligament or graft, N", ".0f"),
         Column("graft_peak_strain", "strain, %", lambda x: f"{100 * x:.1f}" if x == x else NONE),
         Column("contact_peak_N", "contact, N", ".0f"),
@@ -161,7 +157,7 @@ def round_table(rounds: Sequence[Round]) -> Table:
     ]  # fmt: skip
     names = ("round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
              "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms")  # fmt: skip
-    columns = [Column(name, show=".2f", words=name == "coordinate") for name in names]
+    columns = [Column(name, show=".2f") for name in names]
     note = "Of the knee from the motion that OpenSim's model had, root of the mean square and most."
     return Table(columns, rows, "Rounds with OpenSim", note)
 
@@ -222,7 +218,7 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
     size = {name: max(np.nanmax(f[name], initial=0.0) for f in bundled) for name in bundled[0]}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LIGAMENTS]
     shown = [name for name in shown if size[name] > _SMALL * size[shown[0]]]
-    styles = part_styles(bundled[0])
+    colors = [part_styles(bundled[0])[name]["color"] for name in shown] or [GREY]
     panels[9].axhline(0.0, color=GREY, linewidth=0.5)
     for k, (one, (color, dashes)) in enumerate(zip(found.values(), _STYLES, strict=False)):
         mark = "_" * k  # of the second knee nothing stands in the legends
@@ -234,7 +230,6 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
             curves = dict(zip(names, values.T, strict=True))
             draw_named(axes, x, curves, label, linestyle=dashes, **legend)
         forces = {mark + name: bundled[k][name] for name in shown}
-        colors = [styles[name]["color"] for name in shown] or [GREY]
         draw_named(panels[8], x, forces, "Ligament force, N", colors=colors, linestyle=dashes,
                    **legend)  # fmt: skip
         panels[9].plot(x, one.residual_Nm, color=color, linestyle=dashes)
@@ -248,11 +243,9 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
     most = sorted(muscles, key=lambda name: -float(muscles[name].max()))[:_MOST_MUSCLES]
     pulls = {re.sub(r"_[rl]$", "", name): muscles[name] for name in most}
     draw_named(panels[10], x, pulls, "Muscle force, N", **legend)
-    given = record.acting.get("joint reaction")
     force, ways, label = record.ground_N, ("X", "Y", "Z"), "Ground force, N"
-    if given is not None:
-        force, ways = given[:, :3], ("anterior", "superior", "lateral")
-        label = "Joint reaction, N"
+    if (given := record.acting.get("joint reaction")) is not None:
+        force, ways, label = given[:, :3], pose_tables.along("{}"), "Joint reaction, N"
     draw_named(panels[11], x, dict(zip(ways, force.T, strict=True)), label, **legend)
     for axes in panels:
         for one, (color, _) in zip(found.values(), _STYLES, strict=False):
@@ -274,7 +267,6 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
 
 
 def _over_cycle(panels: Sequence[Axes], cycle: Cycle, lowest: Sequence[Axes]) -> None:
-    """Limits of the horizontal axes, their label, and where the toe leaves the ground."""
     for axes in panels:
         axes.set_xlim(cycle.percent[0], cycle.percent[-1])
         if np.isfinite(cycle.toe_off):
@@ -301,20 +293,24 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
     """Draw what places of a graft do over a record."""
     figure, panels = panel_grid(2, 2, 5.4, title, shared=True)
     figure.subplots_adjust(bottom=0.2, hspace=0.12)
-    pulls = graft_pulls(found)
     tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
     intact = next(iter(tables.values()))
-    _curves(panels[0], cycle, {name: 100 * strain for name, (_, strain) in pulls.items()})
-    _curves(panels[1], cycle, {name: force for name, (force, _) in pulls.items()})
-    for axes, column in ((panels[2], _FORWARD), (panels[3], _TURN)):
-        axes.axhline(0.0, color=GREY, linewidth=0.5)
-        away = {name: table[:, column] - intact[:, column] for name, table in tables.items()}
-        _curves(axes, cycle, dict(list(away.items())[1:]), first=1)
-    _over_cycle(panels, cycle, panels[2:])
     words = ("Strain of ligament or graft, %", "Force of ligament or graft, N",
              "Forwards of the intact tibia, mm", "Turned inwards of it, deg")  # fmt: skip
     for axes, label in zip(panels, words, strict=True):
         axes.set_ylabel(label)
+    for axes in panels[2:]:
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+    colours = shades(8, 0.95)
+    for k, (name, (force, strain)) in enumerate(graft_pulls(found).items()):
+        color, dashes, width = _PLACES.get(k, (colours[(k - 3) % 8], "-", 0.7))
+        away = tables[name] - intact
+        values = 100 * strain, force, away[:, _FORWARD], away[:, _TURN]
+        # Of the intact knee there is no way to itself.
+        for axes, curve in zip(panels[: 4 if k else 2], values, strict=False):
+            axes.plot(cycle.percent, curve, color=color, linestyle=dashes, linewidth=width,
+                      label=verbatim(name))  # fmt: skip
+    _over_cycle(panels, cycle, panels[2:])
     # At how many instants a knee balances is said where that is not all of them; four such names
     # are as wide as the figure.
     lost = {verbatim(name): "" if one.holds.all() else f" ({one.holds.sum()} of {len(one.holds)})"
@@ -324,11 +320,3 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
                   ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
                   columnspacing=1.2)  # fmt: skip
     return figure
-
-
-def _curves(axes: Axes, cycle: Cycle, values: Mapping[str, np.ndarray], first: int = 0) -> None:
-    colours = shades(8, 0.95)
-    for k, (name, one) in enumerate(values.items(), first):
-        color, dashes, width = _PLACES.get(k, (colours[(k - 3) % 8], "-", 0.7))
-        axes.plot(cycle.percent, one, color=color, linestyle=dashes, linewidth=width,
-                  label=verbatim(name))  # fmt: skip

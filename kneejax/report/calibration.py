@@ -12,13 +12,12 @@ from kneejax.geometry import COORDINATES
 from kneejax.inference import Calibration, Fit
 from kneejax.parameters import MEANING, sums_in_words
 from kneejax.report import calibration_parameters as estimates
-from kneejax.report import calibration_tests as load_tests
 from kneejax.report import calibration_verdict as verdicts
-from kneejax.report.doubts import row_status
 from kneejax.report.flexion import ligament_forces_figure, motion_figure
 from kneejax.report.look.page import Answer, Drawing, Section, prose, write_page
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, change, json_safe, listed, number
+from kneejax.report.pose_tables import row_status
 from kneejax.statics import Status
 
 #: Counts of a whole search; other counts are of its stages.
@@ -75,7 +74,7 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "partial_objectives_start": calibration.start_partial_objectives,
             "partial_objectives": fit.partial_objectives, "rmse_start": calibration.start_rmse,
             "rmse": fit.rmse,
-            "tests": load_tests.laxity_errors(calibration),
+            "tests": estimates.laxity_errors(calibration),
             "evaluations": {key: fit.evaluations.get(key, 0) for key in TOTALS},
             "correlation": {"parameters": [e.name for e in fit.estimates],
                             "matrix": fit.correlation},
@@ -120,7 +119,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
                 ["parameters", *[side_by_side] * several], ["parameters"]),
         *[Section("Motion", [prose("motion_errors")], [errors], printed=True)] * bool(measured),
         *[Section("Tests under load", [prose("test_errors")],
-                  [load_tests.errors_table(calibration)], ["tests"] * bool(measured),
+                  [estimates.errors_table(calibration)], ["tests"] * bool(measured),
                   printed=True)] * bool(fit.tests),
         _search(calibration, compared, became),
         *[Section("Sums of squares", [prose("objectives")], [objectives])] * bool(measured),
@@ -135,8 +134,8 @@ def calibration_answer(calibration: Calibration) -> Answer:
         offset = "Fitted motions are drawn with the offsets between frames added."
         drawings["motion"] = Drawing(motion_figure, calibration, more=offset * bool(fit.offsets))
     if fit.tests:
-        tables["tests"] = load_tests.reading_table(calibration)
-        drawings["tests"] = Drawing(load_tests.tests_figure, calibration)
+        tables["tests"] = estimates.reading_table(calibration)
+        drawings["tests"] = Drawing(estimates.tests_figure, calibration)
     drawings |= {"parameters": Drawing(estimates.parameters_figure, calibration),
                  "correlation": Drawing(estimates.correlation_matrix_figure, names,
                                         fit.correlation),
@@ -194,26 +193,22 @@ def _of_procedures(calibration: Calibration) -> tuple[Table, Table, Table]:
     parts = [calibration.start_partial_objectives, *(fit.partial_objectives for fit in fits)]
     errors, sums = [], []
     for name in SHOWN:
-        own = COORDINATES[name]
-        sizes = [one.get(name, math.nan)
-                 for one in (calibration.start_rmse, *(fit.rmse for fit in fits))]  # fmt: skip
+        own, rmse = COORDINATES[name], (calibration.start_rmse, *(fit.rmse for fit in fits))
+        sizes, squares = ([one.get(name, math.nan) for one in every] for every in (rmse, parts))
         errors.append([own.axis_label, *sizes, change(*sizes[:2])])
-        squares = (part.get(name, math.nan) for part in parts)
         sums.append([own.label, f"{own.unit}\u00b2", *squares])
     totals = [calibration.start_objective, *(fit.objective for fit in fits)]
     sums.append(["Objective (weighted sum)", "", *totals])
     found = [{e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates} for fit in fits]
     values = [[e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
               for e in calibration.fit.estimates]  # fmt: skip
-    unit, *of_fits = Column("unit", words=True), *(Column(head, head) for head in heads)
     rmse = [Column(head, head, "3") for head in ("start", *heads)]
+    of_fits = [Column(head, head, words=False) for head in heads]
     return (
-        Table([Column("root mean square error", words=True), *rmse, Column("change", words=True)],
-              errors),
-        Table([Column("sum of squares", words=True), unit, Column("start", "start"), *of_fits],
-              sums),
-        Table([Column("parameter", words=True), unit, *of_fits], values,
-              "The procedures side by side", "* ended on a bound"),
+        Table(["root mean square error", *rmse, "change"], errors),
+        Table(["sum of squares", "unit", "start", *of_fits], sums),
+        Table(["parameter", "unit", *of_fits], values, "The procedures side by side",
+              "* ended on a bound"),
     )  # fmt: skip
 
 
@@ -235,8 +230,8 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             worse = objectives[starts.elsewhere & ~lost]
             if len(worse):
                 among = " to ".join(dict.fromkeys(number(f(worse)) for f in (min, max)))
-                words.append(f"{len(worse)} at worse fits (objective {among}, the answer's is "
-                             f"{number(fit.objective)})")  # fmt: skip
+                among += f", the answer's is {number(fit.objective)}"
+                words.append(f"{len(worse)} at worse fits (objective {among})")
             words += [f"{int(lost.sum())} found no balance"] * bool(lost.any())
             where.append(f"Several starts ended: {'; '.join(words)}.")
         counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
@@ -253,10 +248,9 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
     text += [*where, *compared]
     if several:
         first, *others = (one.procedure for one in calibration.fits)
-        words = "0, nothing to doubt" if became is verdicts.Outcome.GOOD else "1, in doubt"
-        text.append(f"Procedure {first}, the first of the study, is the answer and alone decides "
-                    f"the exit status ({words}); {' and '.join(others)} "
-                    f"{'are' if len(others) > 1 else 'is'} there to compare.")
+        status = "0, nothing to doubt" if became is verdicts.Outcome.GOOD else "1, in doubt"
+        beside = f"{' and '.join(others)} {'are' if len(others) > 1 else 'is'}"
+        text.append(prose("procedures", first=first, status=status, compared=beside))
     names = ["procedure", "converged", "objective", "accepted steps", "simulated motions",
              "gradients", "poses"]  # fmt: skip
     table = Table([Column(n, words=n in ("procedure", "converged")) for n in names], rows)

@@ -9,14 +9,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
-from kneejax.inference import Calibration, Ending, Fault, Fit, IntervalKind
+from kneejax.inference import Calibration, Ending, Fit, FittedTest, IntervalKind
 from kneejax.parameters import sums_in_words
-from kneejax.report.calibration_parameters import reasons
-from kneejax.report.calibration_tests import label_of, laxity_doubts, unit_of
-from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
+from kneejax.report.calibration_parameters import label_of, reasons, unit_of
 from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import change, grouped, listed, number
+from kneejax.report.pose_tables import accepted_statuses, pose_doubts, row_status
 from kneejax.statics import Status, converged
+
+#: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
+_REPEATS_WITHIN = 0.05
 
 
 class Outcome(enum.Enum):
@@ -61,12 +63,10 @@ def message(fit: Fit, when_converged: str = "converged") -> str:
 
 
 def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list[str]:
-    """Everything to doubt about one fit."""
     sentences = [] if fit.success else [f"search not converged: {message(fit)}"]
-    bound = [e.name for e in fit.estimates if e.at_bound]
-    if bound:
-        sentences.append(f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
-                         f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}.")
+    if bound := [e.name for e in fit.estimates if e.at_bound]:
+        several = "s" * (len(bound) > 1)
+        sentences.append(prose("verdict.bound", names=listed(bound, 40), s=several))
     every, starts = (*fit.estimates, *fit.offsets), fit.starts
     failed = grouped((e.reason, e.name) for e in every if e.interval is IntervalKind.NOT_COMPUTED)
     # What ended on a bound has been said.
@@ -74,11 +74,9 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
                    if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound)  # fmt: skip
     sentences += [prose("fit.failed", names=listed(names, 40), reason=reason)
                   for reason, names in failed.items()]  # fmt: skip
-    sentences += [
-        f"{listed(names, 40)} {'are' if len(names) > 1 else 'is'} not determined by the data: "
-        f"{reason or 'other parameters compensate whatever its bounds allow'}."
-        for reason, names in lost.items()
-    ]
+    usual = "other parameters compensate whatever its bounds allow"
+    sentences += [f"{listed(names, 40)} {'are' if len(names) > 1 else 'is'} not determined by the "
+                  f"data: {reason or usual}." for reason, names in lost.items()]  # fmt: skip
     # Ends that the data do not tell from the answer, though a parameter is outside its limits.
     if starts is not None and starts.rivals.any():
         names = [
@@ -87,19 +85,31 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
             if (column < np.nan_to_num(e.low, nan=e.lower)).any()
             or (column > np.nan_to_num(e.high, nan=e.upper)).any()
         ]
-        sentences.append(
-            f"{int(starts.rivals.sum())} of {len(starts.objectives)} starts ended apart from the "
-            f"answer and fit as well: {', '.join(names)}."
-        )
+        apart = f"{int(starts.rivals.sum())} of {len(starts.objectives)}"
+        sentences.append(prose("verdict.rivals", apart=apart, names=", ".join(names)))
     sentences += pose_doubts(fit.motion, flexion, accepted)
     return sentences + laxity_doubts(fit.tests, accepted)
 
 
-def warnings(calibration: Calibration) -> list[str]:
-    """Everything to doubt: searches, bounds, undetermined parameters and poses.
+def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
+    """What is wrong with a knee under loads, and in motion: a sentence per test and status."""
+    found = []
+    for own in tests:
+        for value in np.unique(own.status):
+            status = Status(int(value))
+            if status is Status.BALANCED or status in accepted:
+                continue
+            rows = own.status == value
+            where = ", ".join(f"{x:g}" for x in np.unique(own.test.curve_deg[rows]))
+            lost = f"{int(rows.sum())} of {len(rows)} loads {status.word} ({status.sentence})"
+            found.append(f"Test {own.test.name}: {lost}, at {where} deg.")
+        if own.restless > _REPEATS_WITHIN:
+            found.append(prose("verdict.restless", test=own.test.name, off=own.restless))
+    return found
 
-    A study that names its `failures` accepts poses with any other status, as long as they balance.
-    """
+
+def warnings(calibration: Calibration) -> list[str]:
+    """Everything to doubt, except poses with a status that the study's `failures` accept."""
     return [sentence for sentences in split_warnings(calibration) for sentence in sentences]
 
 
@@ -114,15 +124,9 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
     for one in calibration.misfits:
         label, unit = label_of(one.coordinate), unit_of(one.coordinate)
         test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
-        against = f"{number(one.against, 3)} {unit}".strip()
-        why = {Fault.WORSE_THAN_START: f"{change(one.against, one.rmse)} than at the start "
-               f"({against}): the fit gives it up for others. The model lacks something, or the "
-               "weights are wrong.",
-               Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times what the stated "
-               f"noise leaves ({against}): the model lacks something, or the noise is larger; "
-               "limits are too narrow.",
-               Fault.LARGE: f"more than {against}. Check side, signs and frames."}[one.fault]
-        error = f"{number(one.rmse, 3)} {unit}".strip()
+        error, against = (f"{number(x, 3)} {unit}".strip() for x in (one.rmse, one.against))
+        why = prose(f"verdict.{one.fault.name}", change=change(one.against, one.rmse),
+                    times=number(one.rmse / one.against, 2), against=against)  # fmt: skip
         answer.append(f"Poor fit. {test}: RMSE {error}, {why}")
     for sentence, procedures in found.items():
         who = f"Procedure{'s' * (len(procedures) > 1)} {', '.join(procedures)}: "
@@ -140,24 +144,19 @@ def verdict(calibration: Calibration) -> str:
     ended = {Outcome.FAILED: "DID NOT CONVERGE", Outcome.POOR: "stopped at a POOR FIT"}
     who = f"Procedure {fit.procedure}" if compared else "The search"
     with_doubts = f", with {doubts} warning{'s' * (doubts > 1)}" * bool(doubts)
+    parts = []
     # The badge says the same of a search without comparison or doubt.
-    parts = [f"{who} {ended.get(became, 'converged')}{with_doubts}."]
-    parts = parts if compared or became is not Outcome.GOOD else []
+    if compared or became is not Outcome.GOOD:
+        parts.append(f"{who} {ended.get(became, 'converged')}{with_doubts}.")
     if others:
         more = ("One" if others == 1 else str(others)) + " further" * (doubts > 0)
-        parts.append(
-            f"{more} warning{'s' * (others > 1)}, about procedure{'s' * (len(compared) > 1)} "
-            f"{' and '.join(compared)} (comparison only)."
-        )
+        about = f"procedure{'s' * (len(compared) > 1)} {' and '.join(compared)}"
+        parts.append(f"{more} warning{'s' * (others > 1)}, about {about} (comparison only).")
     known = [f"{number(x, 3)} {unit}" for unit, x in worst_errors(fit.rmse).items() if x == x]
     if known and len(calibration.measured):
-        good = became in (Outcome.GOOD, Outcome.DOUBTFUL)
-        parts.append(
-            f"The fitted motion follows the measured one within {' and '.join(known)} "
-            "(largest root mean square error of a translation and of a rotation)."
-            if good and len(known) == 2
-            else f"{'Largest RMSE' if good else 'Poor fit: RMSE'} {' and '.join(known)}."
-        )
+        good, errors = became in (Outcome.GOOD, Outcome.DOUBTFUL), " and ".join(known)
+        kind = "follows" if good and len(known) == 2 else "largest" if good else "poor"
+        parts.append(prose(f"verdict.{kind}", errors=errors))
     # How many parameters have which kind of limits, and how many hold the truth if it is known.
     estimates = [*fit.estimates, *fit.offsets]
     counts = Counter(e.interval for e in estimates if e.interval is not None)
@@ -177,8 +176,7 @@ def verdict(calibration: Calibration) -> str:
               if e.name in calibration.truth and e.interval and e.interval.has_limits]  # fmt: skip
     if shared:
         inside = sum(not (truth < e.low or truth > e.high) for e, truth in shared)
-        parts.append("The data are synthetic, so the true values are known: "
-                     f"{inside} of {len(shared)} lie within the 95 % limits.")  # fmt: skip
+        parts.append(prose("verdict.truth", inside=inside, count=len(shared)))
     return " ".join(parts)
 
 
@@ -225,10 +223,9 @@ def calibration_notes(calibration: Calibration) -> list[str]:
         worst = max(share, key=share.__getitem__)
         unit = "degrees" if COORDINATES[worst].unit == "deg" else "mm"
         error = f" (RMSE {fit.rmse[worst]:.3g} {unit})" if np.isfinite(fit.rmse[worst]) else ""
-        notes.append(f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
-                     f"{worst.replace('_', ' ')}{error}.")
+        notes.append(prose("notes.misfit", percent=100 * share[worst] / fit.objective,
+                           where=worst.replace("_", " ") + error))  # fmt: skip
     if calibration.left_out:
         poses = "1 pose was" if calibration.left_out == 1 else f"{calibration.left_out} poses were"
-        notes.append(f"{poses} left out: the start's parameters find no balance there "
-                     f"({Status.NOT_CONVERGED.sentence}).")
+        notes.append(prose("notes.left_out", poses=poses, why=Status.NOT_CONVERGED.sentence))
     return notes

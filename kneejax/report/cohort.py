@@ -29,12 +29,10 @@ def forest_figure(summary: CohortSummary) -> Figure:
     """Draw every parameter over the knees: 95 % limits, and what the others make of them."""
     names, knees = list(summary.units), summary.fitted
     across = min(_ACROSS, max(len(names), 1))
-    down = -(-len(names) // across)
-    tall = min(max(0.085 * len(knees), 0.8), 7.0)
-    high = _ABOVE + down * (tall + _BETWEEN)
-    figure, panels = grid(down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1,
-                          bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN), shown=len(names),
-                          sharey=True)  # fmt: skip
+    down, tall = -(-len(names) // across), min(max(0.085 * len(knees), 0.8), 7.0)
+    figure, panels = grid(down, across, _ABOVE + down * (tall + _BETWEEN), left=0.55, right=0.12,
+                          top=_ABOVE + 0.1, bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN),
+                          shown=len(names), sharey=True)  # fmt: skip
     step = 1 if len(knees) <= _NAMED else 10
     ticks = np.arange(0, len(knees), step)
     for place, (name, axes) in enumerate(zip(names, panels.flat, strict=False)):
@@ -52,8 +50,7 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
     estimates = [one.parameters.get(name) for one in summary.fitted]
     value, low, high = (np.array([np.nan if e is None else e[field] for e in estimates], float)
                         for field in ("value", "low", "high"))  # fmt: skip
-    unit = summary.units[name]
-    found = summary.populations.get(name)
+    unit, found = summary.units[name], summary.populations.get(name)
     told = np.isfinite(low) | np.isfinite(high)
     seen = np.r_[value[told], low[np.isfinite(low)], high[np.isfinite(high)]]
     left, right = (seen.min(), seen.max()) if len(seen) else (0.0, 1.0)
@@ -75,9 +72,8 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         some = open_ & told
         axes.plot(np.full(some.sum(), edge), rows[some], mark, ms=2.6, color=BLUE, clip_on=False)
     if found is not None:
-        shrunk = [found.in_own_unit(x) for x in found.shrunk]
-        light = "shrunken towards the mean"
-        axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
+        axes.plot([found.in_own_unit(x) for x in found.shrunk], rows, "|", ms=4.0, mew=1.0,
+                  color=VERMILLION, label="shrunken towards the mean")  # fmt: skip
     axes.set_title(textwrap.fill(readable(name), 22), fontsize=8)
     axes.set(xlim=(left, right), xlabel=unit or ("strain" if name.endswith("strain") else "-"))
     axes.tick_params(axis="x", labelsize=7)
@@ -98,8 +94,6 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     order = [*(one.value for one in Outcome), _FAILED]
     found = {word: counts[word] for word in order if counts[word]}
     words = ", ".join(f"{count} {word.lower()}" for word, count in found.items())
-    failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
-    doubtful = any(word != Outcome.GOOD.value for word in found)
     population = population_table(summary)
     drawings = {}
     if summary.fitted and summary.units:
@@ -110,24 +104,22 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
                                           more="Over the knees; of logarithms for stiffness.")
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
     outliers = Table(
-        [Column("knee", words=True), Column("parameter", words=True), Column("value"),
-         Column("deviations", show="+.1f"), Column("unit")],
+        ["knee", "parameter", "value", Column("deviations", show="+.1f"),
+         Column("unit", words=False)],
         [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers],
         note=prose("outliers"),
     )  # fmt: skip
     return Answer(
         title=summary.title,
-        asked=f"What are the parameters of {len(summary.answers)} knees, and how much do they "
-        "differ between knees?",
-        verdict=Verdict.FAILED if not summary.fitted else
-        Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
+        asked=prose("cohort", count=len(summary.answers)),
+        verdict=None if summary.fitted else Verdict.FAILED,
         sentence=f"{len(summary.fitted)} of {len(summary.answers)} knees have an answer: {words}.",
         tables={"cohort": _every_number(summary)}, main=[population] if population.rows else [],
         drawings=drawings,
         doubts=[
             *(f"{word}: {count} of {len(summary.answers)} knees, whose pages say why"
               for word, count in found.items() if word not in (Outcome.GOOD.value, _FAILED)),
-            *(f"No answer: {one}" for one in failed),
+            *(f"No answer: {one.name}: {one.failed}" for one in summary.answers if one.failed),
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
         sections=[Section("Knees", tables=[_knees_table(summary, knees)], opened=True),
@@ -149,20 +141,13 @@ def _knees_table(summary: CohortSummary, knees: str) -> Table:
 
     rows = [[one.name, one.outcome or _FAILED, *worst_errors(one.rmse).values(), one.objective,
              one.seconds] for one in summary.answers]  # fmt: skip
-    return Table(
-        [Column("knee", show=linked, words=True), Column("outcome", words=True),
-         Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
-         Column("objective"), Column("time_s", show="3")],
-        rows,
-        note="Root mean square errors of the poses: the largest of the displacements and of the "
-        "rotations.",
-    )  # fmt: skip
+    columns = [Column("knee", show=linked), "outcome", Column("rmse_mm", "RMSE, mm", "3"),
+               Column("rmse_deg", "RMSE, deg", "3"), "objective", Column("time_s", show="3")]
+    return Table(columns, rows, note=prose("knees"))
 
 
 def population_table(summary: CohortSummary) -> Table:
-    """Mean and spread of each parameter over knees with their limits; the spread of what differs
-    by factors in per cent.
-    """
+    """Mean and spread of each parameter over knees; the spread of logarithms in per cent."""
     rows = []
     for name, found in summary.populations.items():
         mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
@@ -170,24 +155,14 @@ def population_table(summary: CohortSummary) -> Table:
         spread, *ends = (number(factor * x, 3) for x in (found.spread, *found.spread_limits))
         rows.append([name, found.knees, mean, f"{number(low)} to {number(high)}", f"{spread}{sign}",
                      f"{' to '.join(ends)}{sign}", summary.units[name] or NONE])  # fmt: skip
-    return Table(
-        [Column("parameter", words=True), Column("knees"), Column("mean"),
-         Column("mean_limits", "95 % limits"), Column("spread"),
-         Column("spread_limits", "95 % limits"), Column("unit")],
-        rows,
-        "Parameters over the knees",
-        prose("population"),
-    )  # fmt: skip
+    columns = ["parameter", "knees", "mean", Column("mean_limits", "95 % limits", words=False),
+               Column("spread", words=False),
+               Column("spread_limits", "95 % limits", words=False), Column("unit", words=False)]
+    return Table(columns, rows, "Parameters over the knees", prose("population"))
 
 
 def _every_number(summary: CohortSummary) -> Table:
-    """Everything that a cohort found, a number a row.
-
-    A row is a number of a knee: a `parameter` with its limits and with its estimate shrunken
-    towards the population (`in_population`), a root mean square error of its poses (`rmse`) or
-    curves (`test`), or its `objective`. A knee that failed has one row, with its sentence as
-    `name`. Rows of knee `population` hold the mean and the spread of each parameter.
-    """
+    """Every number of each knee, of which one that failed has one row, then of the population."""
     about = list(dict.fromkeys(name for one in summary.answers for name in one.about))
     place = {one.name: row for row, one in enumerate(summary.fitted)}
     rows: list[list[Any]] = []
@@ -226,4 +201,4 @@ def _every_number(summary: CohortSummary) -> Table:
         # A standard deviation of the logarithm is one in proportion.
         unit = "of the logarithm" if found.log else unit
         add(*head, "spread", name, unit, found.spread, *found.spread_limits)
-    return Table.plain((*COHORT_COLUMNS, *about), rows)
+    return Table((*COHORT_COLUMNS, *about), rows)

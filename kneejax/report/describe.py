@@ -44,7 +44,14 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     lines += wrapped(f"reference pose: {words}", "  ")
     lines.append("  frames: X anterior, Y superior, Z lateral; tibia in femur; mm, N, MPa")
     lines += ["", *_ligaments(knee, document["ligaments"], every_fibre)]
-    lines += _wraps(document)
+    users = [part.get("wrap") for part in document["ligaments"].values()]
+    wraps = document.get("wraps", {})
+    lines += ["", "Wrap objects"] if wraps else []
+    for name, wrap in wraps.items():
+        sizes = [f"{word} {' x '.join(map(trimmed, np.atleast_1d(wrap[field])))} mm"
+                 for field, word in _SIZES.items() if field in wrap]  # fmt: skip
+        lines.append(f"  {name}: {wrap['kind']} on the {wrap['bone']}, {', '.join(sizes)}, for "
+                     f"{users.count(name)} fibres")  # fmt: skip
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lines += ["", *_contact(name, contact, document["contacts"][name])]
     for bone, surface in document.get("surfaces", {}).items():
@@ -97,16 +104,15 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     gathered = len(names) > MOST_ROWS and not every_fibre
     bundles = _bundles(knee) if gathered else {name: [i] for i, name in enumerate(names)}
     gathered = gathered and len(bundles) < len(names)
-    columns = ["ligament", "fibres", "stiffness_N", "reference_length_mm", "slack_length_mm",
-               "reference_strain", "way"]  # fmt: skip
-    table = [columns] + [
-        [name, str(len(rows)), f"{stiffness[rows].sum():.0f}", _range(length[rows], 3),
-         _range(slack[rows], 2 if gathered else 3), _range(strain[rows], 2 if gathered else 4),
-         _ways([parts[names[i]] for i in rows])]
-        for name, rows in bundles.items()
-    ]  # fmt: skip
-    hidden = columns.index("reference_length_mm" if gathered else "fibres")
-    table = [row[:hidden] + row[hidden + 1 :] for row in table]
+    # What is gathered has a count of fibres, others their length.
+    second, digits = ("fibres", (2, 2)) if gathered else ("reference_length_mm", (3, 4))
+    table = [["ligament", "stiffness_N", second, "slack_length_mm", "reference_strain", "way"]]
+    for name, rows in bundles.items():
+        own = str(len(rows)) if gathered else _range(length[rows], 3)
+        table.append([name, f"{stiffness[rows].sum():.0f}", own, _range(slack[rows], digits[0]),
+                      _range(strain[rows], digits[1]), _ways([parts[names[i]] for i in rows])])
+    if gathered:
+        table = [[name, own, size, *others] for name, size, own, *others in table]
     head = f"Ligaments: {len(names)} fibres"
     head += f" in {len(bundles)} bundles; their stiffnesses are sums" if gathered else ""
     lines = [head, *(f"  {line}" for line in aligned(table, (0, len(table[0]) - 1)))]
@@ -167,17 +173,6 @@ def _range(values: np.ndarray, decimals: int) -> str:
         return "-"
     ends = (round(float(x), decimals) + 0.0 for x in (values.min(), values.max()))
     return " to ".join(dict.fromkeys(f"{end:.{decimals}f}" for end in ends))
-
-
-def _wraps(document: Mapping[str, Any]) -> list[str]:
-    lines = ["", "Wrap objects"]
-    users = [part.get("wrap") for part in document["ligaments"].values()]
-    for name, wrap in document.get("wraps", {}).items():
-        sizes = [f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
-                 for field, word in _SIZES.items() if field in wrap]  # fmt: skip
-        lines.append(f"  {name}: {wrap['kind']} on the {wrap['bone']}, {', '.join(sizes)}, for "
-                     f"{users.count(name)} fibres")  # fmt: skip
-    return lines if lines[2:] else []
 
 
 def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[str]:

@@ -8,7 +8,6 @@ from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
 from kneejax.report import panels as draw
 from kneejax.report import pose_tables
-from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
 from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
@@ -27,10 +26,8 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     figure, panels = draw.panel_grid(3, 2, 7.8, title)
     flexion, pull, patella = (np.asarray(x) for x in
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
-    angles = np.unique(flexion)
-    over_pull = len(angles) < len(flexion)
-    x, rows = flexion, [np.arange(len(flexion))]
-    if over_pull:
+    angles, x, rows = np.unique(flexion), flexion, [np.arange(len(flexion))]
+    if over_pull := len(angles) < len(flexion):
         x, rows = pull, [np.flatnonzero(flexion == angle) for angle in angles]
 
     def by_flexion(axes: Axes, values, label: str) -> None:
@@ -41,7 +38,6 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
         axes.set_ylabel(label)
 
     def by_kind(axes: Axes, curves: dict[str, np.ndarray], label: str) -> None:
-        """A colour for each of several quantities."""
         for k, own in enumerate(rows):
             named = {name if k == 0 else f"_{name}": y[own] for name, y in curves.items()}
             draw.draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
@@ -84,8 +80,7 @@ def shear_figure(found: Extensor) -> Figure:
     members = pose_tables.bundles(knee, _tibiofemoral(found))
     pulled = {name: sum(parts.pop(x) for x in own) for name, own in members.items()}
     forces = {name: force[:, 0] for name, force in {**grouped, **parts, **pulled}.items()}
-    size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
-    shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
+    shown = sorted(forces, key=lambda name: -np.nanmax(np.abs(forces[name])))[:_MOST_LINES]
     figure, ((axes,),) = draw.grid(1, 1, 3.6, left=0.7, right=1.82)
     x = np.asarray(found.flexion_deg)
     for name, style in part_styles(shown).items():
@@ -101,7 +96,6 @@ def shear_figure(found: Extensor) -> Figure:
 
 
 def _tibiofemoral(found: Extensor) -> list[str]:
-    """Fibres between femur and tibia."""
     fibres = found.motion.knee.ligaments
     pairs = zip(fibres.names, fibres.bodies, strict=True)
     return [name for name, pair in pairs if pair == FEMUR_AND_TIBIA]
@@ -118,25 +112,20 @@ _SHOWN = {"flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, 
 def extensor_answer(
     name: str, experiment: str, found: Extensor, *, loads, driven: DrivenExtensor | None = None
 ) -> Answer:
-    """What a knee does while its quadriceps pulls, with loads that acted throughout, by name;
-    `driven` where the quadriceps was given lengths."""
+    """What a knee does while its quadriceps pulls, or is given lengths (`driven`), under loads."""
     knee, status = found.motion.knee, with_flips(found.motion.status, found.mechanics)
     flexion, pull = np.asarray(found.flexion_deg), np.asarray(found.quadriceps_N)
-    words = pose_words(knee, found.mechanics, search_words(found.motion, loads))
-    doubts = [*status_doubts(status, words, *named_places([f"{x:g}" for x in flexion], "degrees"))]
+    search = pose_tables.search_words(found.motion, loads)
+    words = pose_tables.pose_words(knee, found.mechanics, search)
+    places = pose_tables.named_places([f"{x:g}" for x in flexion], "degrees")
+    doubts = [*pose_tables.status_doubts(status, words, *places)]
     title, notes = f"{name}: {experiment}", []
     if found.continued.any():
-        places = ", ".join(f"{x:g}" for x in flexion[found.continued])
-        notes.append(
-            f"Found by a continuation of its own, since the equilibrium lay farther than 1 mm from "
-            f"where it was expected: {places} deg."
-        )
+        at = ", ".join(f"{x:g}" for x in flexion[found.continued])
+        notes.append(prose("extensor.continued", places=at))
     if driven is not None:
-        notes += [
-            f"slack: {mm:g} mm longer than at rest, at {deg:g} deg: the cable hangs loose, and the "
-            "heads pull as at rest"
-            for mm, deg in zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
-        ]
+        loose = zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
+        notes += [prose("extensor.slack", mm=f"{mm:g}", deg=f"{deg:g}") for mm, deg in loose]
     keys = {"flexion_deg": flexion, "quadriceps_N": pull}
     parts = found.forces_on_tibia
     on_tibia = {**{name: np.tile(x, len(parts)) for name, x in keys.items()},
@@ -145,9 +134,8 @@ def extensor_answer(
     tables = {"extensor": extensor_table(found, status, driven),
               "forces": pose_tables.force_table(knee, found.mechanics, keys),
               "tibia_forces": Table.of(on_tibia)}
-    peaks = pose_tables.peak_table(knee, found.mechanics, flexion, "at flexion, deg")
     drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
-    sections = [Section("Largest forces", tables=[peaks])]
+    sections = [pose_tables.peak_section(knee, found.mechanics, flexion, "at flexion, deg")]
     if experiment != "extension":
         drawings["shear"] = Drawing(shear_figure, found)
         sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
@@ -186,12 +174,11 @@ def _sentence(experiment: str, found: Extensor, status: np.ndarray) -> str:
     known = np.flatnonzero(np.asarray(status) < Status.TOO_DEEP)
     if not len(known):
         return "No pose has an equilibrium."
-    flexion, arm = np.asarray(found.flexion_deg)[known], np.asarray(found.arm_mm)[known]
-    values, what, unit = np.asarray(found.quadriceps_N)[known], "The quadriceps pulls", "N"
-    if experiment == "extension":
-        values, what, unit = np.asarray(found.extension_Nm)[known], "The knee extends", "N m"
-    elif experiment == "patellar-tracking":
-        values, what = np.asarray(found.contact_N)[known], "The patella is pressed"
+    values, what, unit = {
+        "extension": (found.extension_Nm, "The knee extends", "N m"),
+        "patellar-tracking": (found.contact_N, "The patella is pressed", "N"),
+    }.get(experiment, (found.quadriceps_N, "The quadriceps pulls", "N"))
+    flexion, arm, values = (np.asarray(x)[known] for x in (found.flexion_deg, found.arm_mm, values))
     most = int(np.argmax(values))
     words = f"{what} with at most {values[most]:.0f} {unit}, at {flexion[most]:g} degrees"
     if np.isfinite(arm).any():

@@ -14,7 +14,6 @@ from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_fl
 from kneejax.geometry import CLINICAL, CONVENTION_WORDS, COORDINATES, FEMORAL
 from kneejax.inference import Calibration
 from kneejax.mechanics import Knee, load_words
-from kneejax.report import doubts as faults
 from kneejax.report import panels as draw
 from kneejax.report import pose_tables
 from kneejax.report.look.colours import BLUE, CONTACT_PARTS, FITS, GREY, VERMILLION, part_styles
@@ -59,13 +58,12 @@ def motion_figure(calibration: Calibration) -> Figure:
         for label, (color, dashes, table) in motions.items():
             style = {"color": color, **draw.curve_style(flexion[order], dashes)}
             (lines[label],) = axes.plot(flexion[order], table[order, column], **style)
-        own = [("start", calibration.start, BLUE, 0.10)]
-        own += [("fitted", fit.motion, VERMILLION, 0.03) for fit in calibration.fits[:1]]
-        for kind, motion, color, height in own:
-            marks = draw.mark_status(axes, flexion, faults.row_status(motion), color, height)
+        for kind, motion, color, height in (("start", calibration.start, BLUE, 0.10),
+                                            ("fitted", calibration.fit.motion, VERMILLION, 0.03)):
+            marks = draw.mark_status(axes, flexion, pose_tables.row_status(motion), color, height)
             marked |= {f"{kind}: {entry}": handle for entry, handle in marks.items()}
     # The answer was drawn last, on top, and is named first.
-    legend = ["measured", "start", *reversed([label for label in motions if label != "start"])]
+    legend = ["measured", "start", *reversed([*motions][1:])]
     handles = {label: lines[label] for label in legend} | marked
     draw.part_legend(words, handles, (0.0, 0.84), fontsize=8, ncols=1 if len(handles) <= 8 else 2,
                      handlelength=2.8, columnspacing=1.2, borderpad=0, labelspacing=0.5,
@@ -97,20 +95,18 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     """Draw ligament and contact forces over flexion, at the start and fitted."""
     flexion = np.asarray(calibration.measured, float)[:, 0]
     order = np.argsort(flexion, kind="stable")
-    groups = [("Ligament force, N", calibration.ligaments, "ligament_forces"),
-              ("Contact force, N", calibration.contacts, "contact_forces")]  # fmt: skip
+    start, fitted = calibration.start, calibration.fit.motion
+    groups = [("Ligament", calibration.ligaments, start.ligament_forces, fitted.ligament_forces),
+              ("Contact", calibration.contacts, start.contact_forces, fitted.contact_forces)]
     groups = [group for group in groups if group[1]] or groups[:1]
-    right = 2.38 if max(len(names) for _, names, _ in groups) > 12 else 1.4
+    right = 2.38 if max(len(names) for _, names, *_ in groups) > 12 else 1.4
     figure, panels = draw.grid(len(groups), 1, 2.75 * len(groups) + 0.35, right=right, top=0.28,
                                bottom=0.45, apart=(0, 0.4), sharex=True)  # fmt: skip
-    fitted = calibration.fit.motion
-    for axes, (title, names, field) in zip(panels[:, 0], groups, strict=True):
-        contact, last = field == "contact_forces", axes is panels[-1, 0]
-        axes.set_title(title)
-        before, after = (
-            dict(zip(names, np.asarray(getattr(x, field), float)[order].T, strict=True))
-            for x in (calibration.start, fitted)
-        )
+    for axes, (title, names, *forces) in zip(panels[:, 0], groups, strict=True):
+        contact, last = title == "Contact", axes is panels[-1, 0]
+        axes.set_title(f"{title} force, N")
+        before, after = (dict(zip(names, np.asarray(x, float)[order].T, strict=True))
+                         for x in forces)  # fmt: skip
         _force_lines(axes, flexion[order], before, contact, ":")
         drawn = _force_lines(axes, flexion[order], after, contact)
         draw.flexion_axis(axes, flexion, last)
@@ -118,7 +114,7 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
         if "marker" not in draw.curve_style(flexion[order], "-") and axes is panels[0, 0]:
             drawn |= {word: Line2D([], [], color=GREY, linestyle=d)
                       for word, d in (("fitted", "-"), ("start", ":"))}  # fmt: skip
-        draw.mark_status(axes, flexion, faults.row_status(fitted))
+        draw.mark_status(axes, flexion, pose_tables.row_status(fitted))
         columns = 1 if len(drawn) <= 12 else 2
         draw.part_legend(axes, drawn, (1.01, 1.0), ncols=columns, handlelength=1.4)
     return figure
@@ -158,12 +154,11 @@ def flexion_answer(
     loads: Mapping[str, float], unloaded: Motion | None = None,
     branches: Sequence[Branch] | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """Passive flexion of a knee, called with what was cut, at flexions as they were asked for; with
-    loads by name the motion without them says how far they moved the tibia."""
+    """Passive flexion; `unloaded` is the same without the loads, which says what they moved."""
     knee, status = motion.knee, with_flips(motion.status, mechanics)
     table = np.array(motion.to_table())
     table[:, 0] = flexion
-    words = faults.pose_words(knee, mechanics, faults.search_words(motion, loads))
+    words = pose_tables.pose_words(knee, mechanics, pose_tables.search_words(motion, loads))
     more = {"converged": motion.equilibrium.converged, "stable": motion.stable, "doubt": words}
     tables = {"poses": pose_tables.pose_table(table, status, convention, more=more),
               "forces": pose_tables.force_table(knee, mechanics, {"flexion_deg": flexion})}
@@ -171,8 +166,7 @@ def flexion_answer(
     if unloaded is not None:
         tables["displacement"] = pose_tables.change_table(flexion, displacement(motion, unloaded))
         main.append("displacement")
-    peaks = pose_tables.peak_table(knee, mechanics, flexion, "at flexion, deg")
-    sections = [Section("Largest forces", tables=[peaks])]
+    sections = [pose_tables.peak_section(knee, mechanics, flexion, "at flexion, deg")]
     if branches is not None:
         # All balances for the file; the others for people.
         poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in branches])
@@ -183,18 +177,17 @@ def flexion_answer(
         rows = [row for row, b in zip(whole.rows, branches, strict=True) if not b.by_test]
         columns = [one for one in whole.columns if one.name != "convention"]
         tables["branches"] = Table(columns, [row[: len(columns)] for row in whole.rows])
-        said = ("There are other stable equilibria:" if rows else
-                "No other stable balance was found at any of these angles.")  # fmt: skip
-        others = [Table(whole.columns, rows)] * bool(rows)
+        said, others = "No other stable balance was found at any of these angles.", []
+        if rows:
+            said, others = "There are other stable equilibria:", [Table(whole.columns, rows)]
         sections.append(Section("Other balances", [said], others, printed=True))
     named = [f"{x:g}" for x in flexion]
     forces = pose_tables.bundle_forces(knee, mechanics.tension)
     contact = pose_tables.contact_forces(mechanics)
     angles = f"{', '.join(named)} degrees of flexion"
     if len(flexion) > 4:
-        ends = f"from {np.min(flexion):g} to {np.max(flexion):g} degrees"
-        angles = f"{len(flexion)} flexions {ends}"
-    doubts = faults.status_doubts(status, words, *faults.named_places(named, "degrees"))
+        angles = f"{len(flexion)} flexions from {min(flexion):g} to {max(flexion):g} degrees"
+    doubts = pose_tables.status_doubts(status, words, *pose_tables.named_places(named, "degrees"))
     return Answer(
         title=f"Passive flexion of {name}",
         asked=f"How the tibia moves, {load_words(loads)}, at {angles}.",
@@ -211,7 +204,7 @@ def flexion_answer(
 def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer:
     """Ligaments and contact at given poses, `(n, 6)`, degrees and mm."""
     rows, flexion = range(len(table)), table[:, 0]
-    status, doubts = faults.given_doubts(knee, found, [str(row) for row in rows])
+    status, doubts = pose_tables.given_doubts(knee, found, [str(row) for row in rows])
     states = pose_tables.words_of(status)
     words = {way.value: way.word for way in Way}
     of_fibres = {"length_mm": found.length, "strain": found.strain, "force_N": found.tension,
@@ -223,14 +216,13 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
                    pose_tables.along("force_{}_N"): found.contact_force,
                    pose_tables.about("moment_{}_Nmm"): found.contact_moment,
                    "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share}  # fmt: skip
-    forces = pose_tables.bundle_forces(knee, found.tension)
-    forces = forces or {"": np.full(len(table), np.nan)}
+    forces = pose_tables.bundle_forces(knee, found.tension) or {"": np.full(len(table), np.nan)}
     sizes, names = np.stack([*forces.values()], axis=1), [*forces]
     most, pressure = np.nan_to_num(sizes).argmax(axis=1), np.asarray(found.max_pressure)
     contacts = [Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names]
     summary = Table.of({
-        Column("pose"): rows, Column("flexion_deg", show=".1f"): flexion,
-        Column("ligament", "most in", words=True): [names[k] for k in most],
+        "pose": rows, Column("flexion_deg", show=".1f"): flexion,
+        Column("ligament", "most in"): [names[k] for k in most],
         Column("ligament_N", show=".1f"): sizes[np.arange(len(table)), most],
         tuple(contacts): pose_tables.contact_forces(found),
         Column("max_pressure_MPa", "peak pressure, MPa", ".2f"):
@@ -266,9 +258,10 @@ def displacement(under_load: Motion, without: Motion) -> np.ndarray:
 
 def _sound(status: np.ndarray) -> str:
     good = int((np.asarray(status) == Status.BALANCED).sum())
-    if good == len(status):
-        return f"All {good} poses pass every check." if good > 1 else "1 pose passes every check."
-    return f"{good} of {len(status)} poses pass every check."
+    if good == len(status) == 1:
+        return "1 pose passes every check."
+    of_all = f"All {good}" if good == len(status) else f"{good} of {len(status)}"
+    return f"{of_all} poses pass every check."
 
 
 def _sentence(status, table: np.ndarray, forces: Mapping[str, np.ndarray], flexion) -> str:

@@ -7,25 +7,25 @@ from typing import Any
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference import Identification, IntervalKind, Posterior, Profile, same_ends, versions
+from kneejax.inference import Identification, IntervalKind, Posterior, same_ends, versions
 from kneejax.parameters import sums_in_words
-from kneejax.report import design as planned
-from kneejax.report import information as curvature
-from kneejax.report import posterior
+from kneejax.report import identification_figures as figures
+from kneejax.report import information as words
 from kneejax.report.calibration_parameters import correlation_matrix_figure, limits
 from kneejax.report.calibration_verdict import Outcome
-from kneejax.report.doubts import accepted_statuses, pose_doubts
-from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
-from kneejax.report.look.style import Figure, readable, styled
-from kneejax.report.look.tables import NONE, Table, json_safe, listed, number
-from kneejax.report.panels import figure_legend, grid
+from kneejax.report.look.tables import NONE, Column, Table, json_safe, listed, number
+from kneejax.report.pose_tables import accepted_statuses, pose_doubts
 from kneejax.studies import Identified
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
-#: Panels beside each other.
-_COLUMNS = 4
+#: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
+_R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
+# Of all trajectories; fewer than that only count (`Posterior.divergences`).
+_FEW = 1e-3
+# A posterior as wide as this part of its prior says little beyond it.
+_LITTLE = 0.9
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
@@ -34,7 +34,7 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     names, information = found.selection.names, found.information
     reasons = _reasons(found)
     flexion, accepted = found.motion.table[:, 0], accepted_statuses(study.failures)
-    doubts = [*fit_doubts(found), *(posterior.posterior_doubts(sampled) if sampled else ()),
+    doubts = [*fit_doubts(found), *(posterior_doubts(sampled) if sampled else ()),
               *filter(None, reasons), *pose_doubts(found.motion, flexion, accepted)]  # fmt: skip
     became = Outcome.DOUBTFUL if doubts else Outcome.GOOD
     became = became if found.converged else Outcome.FAILED
@@ -59,43 +59,42 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         *filter(None, [sums_in_words(found.problem.knee, names)]),
     ]  # fmt: skip
     sections = [Section("Limits by profile", text, drawings=["profiles"], printed=True),
-                curvature.information_section(information), planned.design_section(design)]
+                words.information_section(information), words.design_section(design)]
     points = [[one.name, value, rise, *others] for one in found.profiles
               for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
-    profiles = Table.plain(("parameter", "value", "rise_of_chi2", *names), points)
-    tables = {"parameters": every, "profiles": profiles,
-              "candidates": planned.candidates_table(design)}  # fmt: skip
+    tables = {"parameters": every,
+              "profiles": Table(("parameter", "value", "rise_of_chi2", *names), points),
+              "candidates": words.candidates_table(design)}  # fmt: skip
     if design.chosen:
-        tables["next_tests"] = planned.next_tests_table(design)
-    drawings = {"standard_errors": Drawing(planned.standard_errors_figure, design),
-                "profiles": Drawing(profiles_figure, found.profiles, study.truth),
-                "spectrum": Drawing(curvature.spectrum_figure, information),
+        tables["next_tests"] = words.next_tests_table(design)
+    drawings = {"standard_errors": Drawing(figures.standard_errors_figure, design),
+                "profiles": Drawing(figures.profiles_figure, found.profiles, study.truth),
+                "spectrum": Drawing(figures.spectrum_figure, information),
                 "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
-                "next_tests": Drawing(planned.candidates_figure, design)}  # fmt: skip
+                "next_tests": Drawing(figures.candidates_figure, design)}  # fmt: skip
     draws = None
     if sampled is not None:
         chains, count, size = sampled.draws.shape
         tables["posterior"] = Table.of({"chain": np.repeat(range(chains), count),
                                         "draw": [*range(count)] * chains,
                                         sampled.names: sampled.draws.reshape(-1, size)})
-        drawings |= posterior.posterior_drawings(sampled)
-        sections.insert(2, posterior.posterior_section(sampled))
+        drawings |= posterior_drawings(sampled)
+        sections.insert(2, posterior_section(sampled))
         own = ("divergences", "evaluations", "seconds", "seed")
         draws = {
             "priors": {p.name: {"mean": p.mean, "sd": p.sd} for p in sampled.priors},
             "draws_without_balance": sampled.unbalanced,
         } | {name: getattr(sampled, name) for name in own}
     own = ("eigenvalues", "eigenvectors", "scale", "correlation")
-    sentences = curvature.stiff_words(information) + curvature.sloppy_words(information)
+    sentences = words.stiff_words(information) + words.sloppy_words(information)
     determine = {name: getattr(information, name) for name in own} | {"sentences": sentences}
     return Answer(
         title=study.title,
-        asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
-        f"{study.knee.name}, and which test adds most?",
+        asked=prose("identify", data=found.data, count=len(names), knee=study.knee.name),
         verdict=became.verdict, badge=became.value,
-        sentence=" ".join([sentence, *planned.design_words(design)[:1]]), tables=tables,
-        main=[curvature.information_table(information, [not why for why in reasons], known),
-              planned.profit_table(design)],
+        sentence=" ".join([sentence, *words.design_words(design)[:1]]), tables=tables,
+        main=[words.information_table(information, [not why for why in reasons], known),
+              words.profit_table(design)],
         drawings=drawings, doubts=doubts, sections=sections,
         document=json_safe({
             "study": study.title, "knee": study.knee_name,
@@ -103,7 +102,7 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
             "noise": dict(zip(COLUMNS[1:], found.noise, strict=True)),
             "noise_estimated": found.noise_estimated, "chi2": found.chi2,
             "measured_numbers": found.data, "information": determine,
-            "next_tests": planned.design_words(design), "posterior": draws, "truth": study.truth,
+            "next_tests": words.design_words(design), "posterior": draws, "truth": study.truth,
             "warnings": doubts, "settings": dict(options), "seconds": {"total": answer.seconds},
             "versions": versions() if sampled is None else sampled.versions,
         }),
@@ -111,13 +110,10 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
 
 
 def _reasons(found: Identification) -> list[str]:
-    """For each parameter that the data do not determine a sentence why; empty for the others.
-
-    By the profile; where none was followed, better known than before by the curvature.
-    """
+    """Why a parameter is not determined, by profile or else by curvature; empty if it is."""
     said = []
     curved = zip(found.selection.names, found.information.determined,
-                 curvature.reason_words(found.information), strict=True)  # fmt: skip
+                 words.reason_words(found.information), strict=True)  # fmt: skip
     for i, (name, determined, reason) in enumerate(curved):
         interval = found.intervals[i] if found.intervals else None
         kind = None if interval is None else interval.kind
@@ -177,79 +173,62 @@ def fit_doubts(found: Identification) -> list[str]:
 
 def _agreement(found: Identification, sampled: Posterior | None) -> list[str]:
     """Where standard error, profile and posterior differ."""
-    by_name, names, moved = {one.name: one for one in found.profiles}, found.selection.names, []
+    by_name, names = {one.name: one for one in found.profiles}, found.selection.names
     if not by_name:
         return []
     bent = [name for name, one in zip(names, found.intervals, strict=True)
             if one.kind is not IntervalKind.STANDARD_ERROR]  # fmt: skip
+    notes = [prose("profile.bent", names=", ".join(bent)) if bent else prose("profile.alike")]
     if sampled is not None:
         drawn = zip(names, sampled.quantiles((0.025, 0.975)), strict=True)
         moved = [name for name, ends in drawn if (one := by_name[name]).closed
                  and not same_ends((one.low, one.high), ends)]  # fmt: skip
-    notes = [prose("profile.bent", names=", ".join(bent)) if bent else prose("profile.alike")]
-    if moved:
-        notes.append(prose("posterior.moved", names=", ".join(moved)))
-    elif sampled is not None:
-        notes.append("Posterior and profiles agree where the data limit a parameter.")
+        notes.append(prose("posterior.moved", names=", ".join(moved)) if moved else
+                     prose("posterior.alike"))  # fmt: skip
     return notes
 
 
-@styled
-def profiles_figure(
-    profiles: Sequence[Profile], truth: Mapping[str, float] | None = None
-) -> Figure:
-    """Draw how the misfit grows as each parameter leaves its estimate."""
-    from scipy.interpolate import PchipInterpolator
+def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
+    """All figures of a posterior, with captions; pairs of several parameters."""
+    drawn = {"posterior": figures.marginals_figure, "predictive": figures.predictive_figure}
+    drawn |= {"posterior_pairs": figures.pairs_figure} if len(found.names) > 1 else {}
+    return {name: Drawing(figure, found) for name, figure in drawn.items()}
 
-    rows = -(-len(profiles) // _COLUMNS)
-    figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
-                          bottom=0.7, apart=(0.22, 0.55), shown=len(profiles),
-                          sharey=True)  # fmt: skip
-    for axes, profile in zip(panels.flat, profiles, strict=False):
-        known = (truth or {}).get(profile.name)
-        axes.set_title(readable(profile.name, profile.unit), fontsize=8)
-        top = 1.75 * profile.threshold
-        axes.set_ylim(-0.04 * top, top)
-        x, rise = profile.values, profile.rise
-        if len(x) > 2:
-            # Between its points a monotone cubic of the signed root of the rise.
-            root = np.sign(x - profile.estimate) * np.sqrt(np.maximum(rise, 0.0))
-            x = np.linspace(x[0], x[-1], 200)
-            rise = PchipInterpolator(profile.values, root)(x) ** 2
-        left, right = float(profile.values[0]), float(profile.values[-1])
-        pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
-        left, right = left - pad, right + pad
-        axes.set_xlim(left, right)
-        axes.axvspan(profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0,
-                     label="95 % confidence")  # fmt: skip
-        if np.isfinite(profile.standard_error) and profile.standard_error > 0:
-            line = np.linspace(left, right, 200)
-            bowl = ((line - profile.estimate) / profile.standard_error) ** 2
-            axes.plot(line, bowl, "--", color=GREY, linewidth=1.4, label="by the standard error")
-        axes.plot(x, rise, color=BLUE, label="profile")
-        axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
-        axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":",
-                     label=f"95 % limit: {profile.threshold:.2f}")  # fmt: skip
-        axes.plot([profile.estimate], [0.0], "o", color=VERMILLION, markersize=4, clip_on=False,
-                  zorder=5, label="estimate")  # fmt: skip
-        ends = {"left": 0.03, "right": 0.97}
-        if known is not None and left <= known <= right:
-            axes.axvline(known, color=GREEN, linewidth=1.2, label="truth")
-        elif known is not None:
-            side = "right" if known > right else "left"
-            axes.text(ends[side], 0.9, "truth beyond", ha=side, fontsize=6.5, color=GREEN,
-                      transform=axes.transAxes)  # fmt: skip
-        opened = (profile.low_open, profile.high_open)
-        for why, (side, place) in zip(opened, ends.items(), strict=True):
-            if why:
-                words = "open: bound" if why == "its bound" else "open: no\nbalance beyond"
-                axes.text(place, 0.95, words, ha=side, va="top", fontsize=6.5, color=VERMILLION,
-                          transform=axes.transAxes, zorder=6,
-                          bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0})
-        axes.locator_params(axis="x", nbins=3)
-        axes.tick_params(labelsize=7)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("Rise of $\\chi^2$")
-    figure_legend(figure, ncols=6, handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.0,
-                  fontsize=7.5)  # fmt: skip
-    return figure
+
+def posterior_section(found: Posterior) -> Section:
+    """What a posterior is: how it was drawn, and a row for each parameter."""
+    low, high = found.quantiles((0.025, 0.975)).T
+    table = Table.of({
+        Column("name", "parameter"): found.names, "unit": found.units,
+        Column("mean"): found.mean, Column("sd", show="2"): found.sd,
+        Column("quantile_025", "2.5 %"): low, Column("quantile_975", "97.5 %"): high,
+        Column("laplace_sd", "Laplace sd", "2"): np.sqrt(np.diag(found.laplace_covariance)),
+        Column("r_hat", "R-hat", ".3f"): found.r_hat,
+        Column("effective_sample_size", "eff.", ".0f"): found.effective_sample_size,
+    })  # fmt: skip
+    chains, draws, _ = found.draws.shape
+    seconds = {part: number(found.seconds[part], 3) for part in ("total", "compile")}
+    sampled = prose("posterior", chains=chains, draws=draws, found=found, **seconds)
+    drawings = [*posterior_drawings(found)]
+    return Section("Posterior", [sampled], [table], drawings, printed=True)
+
+
+def posterior_doubts(result: Posterior) -> list[str]:
+    """Sentences on what a reader must know before the numbers are used."""
+    said, count = [], result.divergent.size
+    if result.unbalanced:
+        said.append(prose("posterior.unbalanced", lost=result.unbalanced, count=count))
+    diverged = result.divergences - result.unbalanced
+    if diverged > _FEW * count:
+        said.append(prose("posterior.diverged", lost=diverged, count=count))
+    least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
+    enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
+    spread = np.array([prior.spread for prior in result.priors])
+    for kind, where in (("chains", ~(result.r_hat <= _R_HAT)), ("few", ~(least >= enough)),
+                        ("prior", result.sd > _LITTLE * spread)):  # fmt: skip
+        if names := ", ".join(itertools.compress(result.names, where)):
+            limits = {"r_hat": _R_HAT, "enough": f"{enough:.0f}"}
+            said.append(prose(f"posterior.{kind}", names=names, **limits))
+    if (data := result.measured[:, 1:].size) < len(result.names):
+        said.append(prose("posterior.data", data=data, count=len(result.names)))
+    return said

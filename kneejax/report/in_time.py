@@ -11,7 +11,7 @@ from kneejax.mechanics import NAMED_LOADS, load_words
 from kneejax.report import pose_tables
 from kneejax.report.extensor import extensor_table
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
-from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
@@ -28,19 +28,17 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     figure, panels = panel_grid(3, 2, 7.0, title, shared=True)
     motion, time, names = found.trajectory, found.time_s, list(COORDINATES)
     table, knee = motion.to_table(), motion.moving.knee
-    rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    for axes, shown, label in ((panels[0], names[3:], "Change of translation, mm"),
-                               (panels[1], names[1:3], "Change of rotation, deg")):
-        columns = [names.index(name) for name in shown]
-        changes = {name.replace("_rotation", ""): table[:, k] - table[0, k]
-                   for name, k in zip(shown, columns, strict=True)}  # fmt: skip
+    for axes, columns, label in ((panels[0], range(3, 6), "Change of translation, mm"),
+                                 (panels[1], range(1, 3), "Change of rotation, deg")):
+        changes = {names[k].replace("_rotation", ""): table[:, k] - table[0, k] for k in columns}
         draw_named(axes, time, changes, label, colors=_COLORS)
-        for name, k, color in zip(shown, columns, _COLORS, strict=False):
-            if recorded is not None and name in recorded.changes:
-                dots = recorded.time_s, recorded.changes[name]
+        for k, color in zip(columns, _COLORS, strict=False):
+            if recorded is not None and names[k] in recorded.changes:
+                dots = recorded.time_s, recorded.changes[names[k]]
                 axes.plot(*dots, ".", color=color, markersize=2.5, alpha=0.6)
-            if rest is not None:
-                axes.axhline(rest[k] - table[0, k], color=color, linestyle="--", linewidth=0.8)
+            if found.rest is not None:
+                away = float(found.rest.to_table()[0, k]) - table[0, k]
+                axes.axhline(away, color=color, linestyle="--", linewidth=0.8)
     acting = {NAMED_LOADS[name]: x for name, x in found.sizes.items() if np.any(x)}
     if acting:
         units = sorted({load.unit for load in acting})
@@ -58,9 +56,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
                size=6.5)  # fmt: skip
     for axes in panels[4:]:
         axes.set_xlabel("Time, s")
-    for axes in panels:
-        if motion.ended is not Status.BALANCED:
-            axes.axvline(motion.ended_s, color=VERMILLION, linewidth=0.8, linestyle=":")
+    for axes in panels if motion.ended is not Status.BALANCED else ():
+        axes.axvline(motion.ended_s, color=VERMILLION, linewidth=0.8, linestyle=":")
     return figure
 
 
@@ -118,8 +115,7 @@ def transient_answer(
     name: str, experiment: str, found: Transient, *, recorded: Recorded | None = None,
     fit: FittedTransient | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """A motion through time, beside a record where there is one, with the dampers that were found
-    from it."""
+    """A motion through time, beside its record, with the dampers that were found from it."""
     last = {load: size[-1] for load, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
     title = f"{name}: {experiment} at {found.trajectory.to_table()[0, 0]:.3g} degrees{under}"
@@ -136,10 +132,8 @@ def transient_answer(
         sizes = [[f"{x:.6g}" if np.isfinite(x) else "" for x in row] for _, *row in known]
         heads = Column("value"), Column("lower_95", "95 % from"), Column("upper_95", "to")
         left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
-        tables["damping"] = Table.of(
-            {Column("name", "damper", words=True): fit.names, heads: sizes}, "Dampers",
-            f"Left of the record, root of the mean square: {left}.",
-        )  # fmt: skip
+        tables["damping"] = Table.of({Column("name", "damper"): fit.names, heads: sizes}, "Dampers",
+                                     f"Left of the record, root of the mean square: {left}.")
         main.insert(0, "damping")
         said = []
         for name, value, low, high in known:
@@ -149,24 +143,21 @@ def transient_answer(
                 doubts.append(f"{name}: the limits include zero; the record does not determine it")
         sentence = f"{'; '.join(said)}."
         together = np.nan_to_num(fit.uncertainty.correlation)
-        doubts += [
-            f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
-            "this record does not separate them"
-            for i, first in enumerate(fit.names) for j in range(i)
-            if abs(together[i, j]) > _ALIKE
-        ]  # fmt: skip
+        doubts += [prose("dampers", one=fit.names[j], other=first, correlation=together[i, j])
+                   for i, first in enumerate(fit.names) for j in range(i)
+                   if abs(together[i, j]) > _ALIKE]  # fmt: skip
         if not fit.converged:
             doubts.append(f"the search was given up after {fit.evaluations} evaluations")
     return Answer(
-        title=title,
-        asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
-        "the leg and damping.",
+        title=title, asked=prose("transient", seconds=found.time_s[-1] - found.time_s[0]),
         sentence=sentence or _sentence(moved, found), tables=tables, main=main,
         drawings={"motion": Drawing(transient_figure, found, title, recorded)}, doubts=doubts,
-        sections=[_peaks(found), Section("Loads, time steps and energy",
-                                         [*notes, *_how_exact(found)], printed=True)],
+        sections=[pose_tables.peak_section(found.trajectory.moving.knee, found.mechanics,
+                                           found.time_s, "at time, s"),
+                  Section("Loads, time steps and energy", [*notes, *_how_exact(found)],
+                          printed=True)],
         exit_status=int(any(_wrong(found)) or (fit is not None and not fit.converged)),
-    )
+    )  # fmt: skip
 
 
 def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) -> Answer:
@@ -186,28 +177,19 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
     sentence = "The leg was nowhere at a flexion at which it was held."
     if np.isfinite(found.from_held).any():
         k, column = np.unravel_index(np.nanargmax(np.abs(found.from_held)), found.from_held.shape)
-        far = coordinate(motion.names[column])
-        sentence = (
-            f"Farthest from a leg that is held: {found.farthest:.2g} {far.unit}, {far.phrase}, "
-            f"at {table[found.rows[k], 0]:.1f} degrees."
-        )
+        sentence = prose("raised_leg.far", far=found.farthest, at=table[found.rows[k], 0],
+                         coordinate=coordinate(motion.names[column]))  # fmt: skip
     held = extensor_table(found.held, np.asarray(found.held.motion.status))
     return Answer(
-        title=title,
-        asked=f"How a leg moves that a motor raises by shortening the quadriceps in "
-        f"{one.time_s[-1]:g} s, and how far it is from one that is held.",
+        title=title, asked=prose("raised_leg", seconds=one.time_s[-1]),
         sentence=sentence, main=[raised],
         tables=_motion_tables(one, convention) | {"extensor": held},
         drawings={"raised_leg": Drawing(motor_raise_figure, found, title)}, doubts=[*_wrong(one)],
-        sections=[Section("The leg that is held", tables=["extensor"]), _peaks(one),
+        sections=[Section("The leg that is held", tables=["extensor"]),
+                  pose_tables.peak_section(motion.moving.knee, one.mechanics, one.time_s,
+                                           "at time, s"),
                   Section("Time steps and energy", [*_how_exact(one)], printed=True)],
     )  # fmt: skip
-
-
-def _peaks(found: Transient) -> Section:
-    knee = found.trajectory.moving.knee
-    peaks = pose_tables.peak_table(knee, found.mechanics, found.time_s, "at time, s")
-    return Section("Largest forces", tables=[peaks])
 
 
 def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
@@ -234,9 +216,8 @@ def _moved(found: Transient) -> Table:
     """Where each coordinate began, how far it went, and where it ended."""
     motion, table = found.trajectory, found.trajectory.to_table()
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    columns = [Column("coordinate", " ", words=True), Column("start", show=".2f"),
-               Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"),
-               Column("end", show=".2f")]  # fmt: skip
+    columns = [Column("coordinate", " "), Column("start", show=".2f"), Column("peak", show=".2f"),
+               Column("peak_s", "at, s", ".3f"), Column("end", show=".2f")]  # fmt: skip
     if rest is not None:
         columns += [Column("rest", "at rest", ".2f"), Column("overshoot", show=".2f")]
     rows = []
@@ -266,17 +247,14 @@ def _sentence(moved: Table, found: Transient) -> str:
 def _how_exact(found: Transient) -> Iterator[str]:
     """Time steps and their error; energies and what is missing of them."""
     motion, account = found.trajectory, found.account
-    yield (
-        f"{len(motion.grid.time_s)} steps, {int(motion.grid.within().max())} at most between two "
-        f"times; error of the steps {motion.error_mm:.1g} mm"
-    )
+    yield prose("time_steps", count=len(motion.grid.time_s), most=int(motion.grid.within().max()),
+                error=motion.error_mm)  # fmt: skip
     ends = []
     for kind in [*_ENERGIES][:-1]:
         values = np.asarray(getattr(account, kind))
         known = values[np.isfinite(values)]
         ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")
-    yield (f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
-           "what changed hands")
+    yield prose("energy", ends=", ".join(ends), missing=float(account.part_missing))
 
 
 def _wrong(found: Transient) -> Iterator[str]:

@@ -1,17 +1,18 @@
-"""What data determine of parameters by curvature: the spectrum in words, and a table."""
+"""What data determine of parameters by curvature, and which tests tell more: words and tables."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kneejax.inference import Information
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.inference import Design, Information
+from kneejax.mechanics import NAMED_LOADS
 from kneejax.quantities import quantity_of
+from kneejax.report.identification_figures import GAINS
 from kneejax.report.look import tables
-from kneejax.report.look.colours import BLUE, GREY, VERMILLION, both_signs
-from kneejax.report.look.page import Section, prose
-from kneejax.report.look.style import Figure, readable, styled
+from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.tables import Column, Table, plain, short, unit_after
-from kneejax.report.panels import decades, draw_matrix, grid
+from kneejax.report.pose_tables import words_of
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
@@ -21,29 +22,24 @@ _NEARLY = 5.0
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
-# Decades that the axis of the spectrum shows below its longest bar.
-_DECADES = 8.0
+#: Tests that are listed as the best by themselves.
+_SHOWN = 8
+# Departure from a straight line from which on a promise is rough.
+_FAR = 0.5
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
-    """Where a ligament is slack, as ranges of flexion.
-
-    Example:
-        >>> slack_words([0, 20, 40, 60, 80], [True, False, False, True, True])
-        'below 20 and above 40 degrees'
-    """
+    """Where a ligament is slack, as ranges of flexion: `below 20 and above 40 degrees`."""
     angles = np.unique(flexion_deg)
     loose = [np.asarray(slack)[np.asarray(flexion_deg) == angle].all() for angle in angles]
     if all(loose):
         return "at every pose"
-    words = []
-    for first, last in tables.runs(np.flatnonzero(loose)):
-        if first == 0:
-            words.append(f"below {angles[last + 1]:g}")
-        elif last == len(angles) - 1:
-            words.append(f"above {angles[first - 1]:g}")
-        else:
-            words.append(f"between {angles[first - 1]:g} and {angles[last + 1]:g}")
+    words = [
+        f"below {angles[last + 1]:g}" if first == 0 else
+        f"above {angles[first - 1]:g}" if last == len(angles) - 1 else
+        f"between {angles[first - 1]:g} and {angles[last + 1]:g}"
+        for first, last in tables.runs(np.flatnonzero(loose))
+    ]  # fmt: skip
     return f"{joined(words)} degrees" if words else ""
 
 
@@ -53,12 +49,7 @@ def joined(words: Sequence[str]) -> str:
 
 
 def stiff_words(found: Information) -> list[str]:
-    """Sentences on the combinations of parameters that the data fix best, and how well.
-
-    Parameters of one quantity are added in their own unit. Where quantities differ, those that
-    have a unit are counted in parts of their values. Small components are not named where the
-    combination of the named ones is known nearly as well.
-    """
+    """The combinations that the data fix best, in parts of values where quantities differ."""
     names, values, said = found.names, found.values, []
     for index in np.flatnonzero(found.eigenvalues[:_STIFF] > 1.0):
         vector = found.eigenvectors[:, index]
@@ -94,11 +85,7 @@ def stiff_words(found: Information) -> list[str]:
 
 
 def sloppy_words(found: Information) -> list[str]:
-    """Sentences on the changes of parameters that leave hardly a trace in the data, the worst
-    first.
-
-    A change is as large as the parameters' scales, so that its trace can be compared with noise.
-    """
+    """Changes, as large as their scales, that hardly show in the data; the worst first."""
     said, count = [], len(found.eigenvalues)
     for index in reversed(range(max(count - _SLOPPY, 0), count)):
         if found.eigenvalues[index] >= 1.0:
@@ -122,15 +109,14 @@ def reason_words(found: Information) -> list[str]:
     """For each parameter that is not determined a sentence why; empty for the others."""
     said = [""] * len(found.names)
     for row in np.flatnonzero(~np.asarray(found.determined, bool)):
-        name, causes, where = found.names[row], [], ""
+        name, where = found.names[row], ""
         slack = found.slack.get(name.split(".", 1)[0])
         if slack is not None and found.flexion_deg is not None:
             where = slack_words(found.flexion_deg, slack)
         seen = float(np.linalg.norm(found.weighted[:, row]))
-        if found.at_bound[row]:
-            causes = ["it is on its bound, and the data would move it further"]
-        else:
-            causes += [f"its ligament is slack {where}"] * bool(where)
+        causes = ["it is on its bound, and the data would move it further"]
+        if not found.at_bound[row]:
+            causes = [f"its ligament is slack {where}"] * bool(where)
             if seen >= 1.0:
                 causes.append(_rivals(found, row))
             elif seen > 1e-3 or not where:
@@ -141,26 +127,22 @@ def reason_words(found: Information) -> list[str]:
 
 
 def information_table(
-    found: Information, determined: Sequence[bool] | None = None,
-    limits: Mapping[str, Sequence[str]] | None = None,
+    found: Information, determined: Sequence[bool], limits: Mapping[str, Sequence[str]]
 ) -> Table:
-    """What the data determine of each parameter, by curvature, or as `determined` says, with
-    columns of other `limits`."""
-    known = found.determined if determined is None else determined
-    marks = zip(known, found.at_bound, strict=True)
+    """What the data determine, by curvature or as `determined` says; columns of other `limits`."""
+    marks = zip(determined, found.at_bound, strict=True)
     values = zip(found.values, found.standard_error, strict=True)
     return Table.of({
-        Column("name", "parameter", words=True): found.names,
-        Column("value"): [tables.with_error(*pair)[0] for pair in values],
+        Column("name", "parameter"): found.names,
+        Column("value", words=False): [tables.with_error(*pair)[0] for pair in values],
         Column("standard_error", "std. error",
                lambda error: "unlimited" if np.isinf(error) else tables.number(error, 2)):
             found.standard_error,
-        Column("unit", words=True): [quantity_of(name).unit for name in found.names],
-        **{Column(head, words=True): cells for head, cells in (limits or {}).items()},
+        "unit": [quantity_of(name).unit for name in found.names], **limits,
         Column("scale", "prior SD", lambda scale: tables.trimmed(scale, 3)): found.scale,
         Column("times_better", "times better", lambda x: tables.number(x, 2) if x else tables.NONE):
             found.scale / found.standard_error,
-        Column("remark", " ", words=True): [
+        Column("remark", " "): [
             ", ".join(["not determined"] * (not told) + ["at bound"] * bool(at_bound))
             for told, at_bound in marks
         ],
@@ -172,10 +154,8 @@ def information_section(found: Information) -> Section:
     text = [prose("curvature"), *stiff_words(found), *sloppy_words(found)]
     if np.isfinite(found.condition_number):
         ratio = tables.number(float(np.sqrt(found.condition_number)), 2)
-        text.append(
-            f"The best-determined combination of parameters is known {ratio} times better than "
-            f"the worst (condition number {tables.number(found.condition_number, 2)})."
-        )
+        text.append(prose("curvature.condition", ratio=ratio,
+                          number=tables.number(found.condition_number, 2)))  # fmt: skip
     return Section("What the data determine by curvature", [*text, *information_notes(found)],
                    drawings=["spectrum", "correlation"], printed=True)  # fmt: skip
 
@@ -184,11 +164,7 @@ def information_notes(found: Information) -> list[str]:
     """What else a reader must know."""
     notes, free = [], int((~found.at_bound).sum())
     if found.data < free:
-        notes.append(
-            f"{found.data} measured numbers for {free} free parameters: at least "
-            f"{free - found.data} combinations stay unknown whatever was measured. Fix parameters "
-            "or measure more."
-        )
+        notes.append(prose("curvature.data", data=found.data, free=free, least=free - found.data))
     if bound := [name for name, on in zip(found.names, found.at_bound, strict=True) if on]:
         notes.append(f"On a bound and held there: {', '.join(bound)}.")
     if found.lost:
@@ -205,11 +181,7 @@ def noise_words(deviations: float) -> str:
 
 
 def _rivals(found: Information, row: int) -> str:
-    """Which other parameters compensate a change of one, and how well.
-
-    How well is said by all others together, free to move anywhere. Who, by the least movement that
-    does it: in a spectrum over decades, the weakest would else carry the largest numbers.
-    """
+    """Which others compensate a change of one by the least movement, and how well all can."""
     others = np.flatnonzero(~found.at_bound & (np.arange(len(found.names)) != row))
     column, rest = found.weighted[:, row], found.weighted[:, others]
     anywhere = np.linalg.lstsq(rest, column, rcond=None)[0]
@@ -230,50 +202,94 @@ def _named(vector: np.ndarray) -> tuple[list[int], np.ndarray]:
     return rows, np.where(np.isin(np.arange(len(vector)), rows), vector, 0.0)
 
 
-@styled
-def spectrum_figure(found: Information) -> Figure:
-    """Draw how well each combination of parameters is known, and what it is made of."""
-    free = ~found.at_bound
-    names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
-    vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
-    n = len(names)
-    if not n:
-        figure, _ = grid(1, 1, 0.8, width=5.0, left=0.1, top=0.1, bottom=0.1, shown=0)
-        figure.text(0.5, 0.5, "Every parameter is on a bound: nothing is free.", ha="center")
-        return figure
-    cell, left, right = min(0.44, 6.0 / n), 0.062 * max(map(len, names)) + 0.15, 1.0
-    wide, tall = max(left + cell * n, left + 3.4) + right, cell * n
-    figure, ((top,), (table,)) = grid(2, 1, tall + 2.34, width=wide, left=left,
-                                      right=wide - left - tall, top=0.32, bottom=0.55,
-                                      apart=(0, 0.12), height_ratios=(1.35, tall))  # fmt: skip
-    # A bar for each combination: how many times better it is known than before.
-    low = max(better.max(initial=1.0) * 10.0**-_DECADES, 1e-4)
-    floor = min(0.5, max(better[better > low].min(initial=1.0) / 2.0, low))
-    places = np.arange(n) + 0.5
-    colours = [BLUE if size >= 1.0 else VERMILLION for size in better]
-    top.bar(places, np.maximum(better, floor) - floor, bottom=floor, width=0.7, color=colours)
-    for place, size in zip(places, better, strict=True):
-        word = f"{size:.0f}" if size >= 9.95 else f"{size:.2g}" if size > low else "0"
-        if n <= 16:
-            top.annotate(word, (place, max(size, floor)), (0, 1.5), textcoords="offset points",
-                         ha="center", va="bottom", fontsize=6.8)  # fmt: skip
-    top.axhline(1.0, color=GREY, linewidth=0.8)
-    top.annotate("no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
-                 va="center", fontsize=7, color=GREY)  # fmt: skip
-    most = max(better.max(), 2.0)
-    # Room for the number above the longest bar.
-    top.set(yscale="log", ylim=(floor, most * (most / floor) ** 0.16), xlim=(0, n), xticks=[],
-            title="Prior SD over standard error, for each combination of parameters")  # fmt: skip
-    decades(top.yaxis, 6)
-    top.grid(axis="x", visible=False)
-    weights = draw_matrix(table, vectors, both_signs(), (-1, 1),
-                          lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "", lambda x: x < -0.8,
-                          names, [str(i + 1) for i in range(n)], numbers=n <= 16,
-                          size=7.5 if n <= 20 else 5.5)  # fmt: skip
-    table.set_xlabel("Combination, from best determined to worst")
-    scale = figure.colorbar(weights, cax=table.inset_axes((1 + 0.15 / tall, 0, 0.1 / tall, 1)))
-    scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)
-    scale.ax.tick_params(length=0)
-    scale.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
-    scale.set_label("Weight", fontsize=7.5)
-    return figure
+def candidates_table(design: Design) -> Table:
+    """What each candidate would add, the table of candidates.csv."""
+    tests = design.candidates
+    place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
+    return Table.of({"name": [one.name for one in tests],
+                     "flexion_deg": [one.flexion_deg for one in tests],
+                     **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
+                     "status": words_of(design.status), "gain": design.gains,
+                     "chosen": [place.get(row) for row in range(len(tests))]})  # fmt: skip
+
+
+def next_tests_table(design: Design) -> Table:
+    """The chosen tests as a table to be filled in and added to a study's `tests`."""
+    tests = [design.candidates[row] for row in design.chosen]
+    acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
+    measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
+    rows = [[test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
+            for test in tests]  # fmt: skip
+    return Table((COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured)), rows)
+
+
+def design_words(design: Design) -> list[str]:
+    """One sentence per chosen test: what to do, and which parameter profits most."""
+    return [
+        f"{'Then' if int(step) > 1 else 'Next'}: {test}; it cuts the standard error of "
+        f"{plain(name)} from {short(before)} to {short(after)}{unit_after(name)}."
+        for step, test, name, before, after in profit_table(design).rows
+    ]
+
+
+def design_notes(design: Design) -> list[str]:
+    """What else a reader must know."""
+    notes = [prose("design.prior")] if design.prior_assumed else []
+    lost = design.status[np.isnan(design.gains)]
+    if len(lost):
+        words = sorted({word.replace("_", " ") for word in words_of(lost)})
+        verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
+        notes.append(prose("design.lost", lost=len(lost), count=len(design.candidates), verb=verb,
+                           them=them, words=", ".join(words)))  # fmt: skip
+    if design.freed:
+        bound = ", ".join(plain(name) for name in design.freed)
+        notes.append(f"On a bound at the fit, but counted as free here: {bound}.")
+    for test, bend in zip(design.tests, design.departures, strict=True):
+        off = f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+        notes += [prose("design.bent", test=test, off=off)] * bool(bend > _FAR)
+    return notes
+
+
+def profit_table(design: Design) -> Table:
+    """The chosen tests, and what each does to the parameter that gains most."""
+    rows = []
+    for step, test in enumerate(design.tests):
+        before, after = design.standard_errors[step : step + 2]
+        i = int(np.argmax(before / after))
+        rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
+    columns = [Column("step", " ", words=True), Column("test", "test to make next", words=True),
+               Column("parameter", "gains most", words=True),
+               Column("before", "std. error before", "2"), Column("after", show="2")]  # fmt: skip
+    return Table(columns, rows)
+
+
+def design_section(design: Design) -> Section:
+    """Which tests to make next, and why; the best by themselves, and for each parameter."""
+    many = len(design.chosen)
+    # Many steps do not fit beside each other: the first three and the last tell the story.
+    shown = list(range(many + 1)) if many <= 5 else [0, 1, 2, 3, many]
+    heads = ["before" if step == 0 else f"after {step}" for step in shown]
+    units = [quantity_of(name).unit for name in design.names]
+    errors = Table.of({
+        "parameter": design.names, "unit": units, Column("prior SD", show="2"): design.scale,
+        tuple(Column(head, show="2") for head in heads): design.standard_errors[shown].T,
+    }, "Expected standard errors (the prior SD is the spread between knees)")  # fmt: skip
+    order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
+    gain, factor, form = GAINS[design.criterion]
+    best = Table([Column("test", words=True), Column("gain", words=False)],
+                 [[str(design.candidates[row]), form.format(factor * design.gains[row])]
+                  for row in order if np.isfinite(design.gains[row])],
+                 f"The best next tests by themselves ({gain})")  # fmt: skip
+    after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
+    nearest = [str(design.candidates[row]) for row in after.argmin(axis=0)]
+    single = Table.of({
+        "parameter": design.names, "best next test": nearest,
+        Column("before", show="2"): design.standard_errors[0],
+        Column("after", show="2"): after.min(axis=0), "unit": units,
+    }, "If only one parameter matters, the best next test for it")  # fmt: skip
+    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
+    goal = prose("design.goal", goal=prose(f"design.{design.criterion}"), tests=tests)
+    text = [f"What to measure next: {goal}", *design_words(design), *design_notes(design),
+            *paragraphs("design.file") * bool(design.chosen)]  # fmt: skip
+    return Section("Tests to make next", text, [errors, best, single], ["next_tests"],
+                   printed=True)  # fmt: skip

@@ -1,5 +1,6 @@
 """Simple joints against measured motion, as an answer with tables and figure."""
 
+import itertools
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -11,7 +12,7 @@ from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
 from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
-from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, runs
 from kneejax.report.panels import grid
 
@@ -46,15 +47,23 @@ def joint_comparison_figure(
     width = {1: 0.55, 2: 0.85}.get(len(names), 1.0) * WIDTH
     figure, panels = grid(len(MEASURES), len(names), 8.4, width=width, left=0.78, right=0.08,
                           top=0.63, bottom=0.46, apart=(0.1, 0.17), sharex=True, sharey="row")
-    for row, measure in enumerate(MEASURES):
-        for column, name in enumerate(names):
-            axes = panels[row, column]
-            _draw_subjects(axes, flexion_deg, curves[name][..., row], shown, found, row)
-            if row == 0:
-                title = textwrap.wrap(name.replace("_", " "), 20 if len(names) > 2 else 30)
-                axes.set_title(verbatim("\n".join(title[:2])))
-            if column == 0:
-                axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
+    kept, dots = ~found.compared, {"marker": "o", "linestyle": "none", "markeredgewidth": 0.8,
+                                   "markersize": 3.6 if found.flexion_deg.size <= _DENSE else 2.2}
+    colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
+    for (row, column), axes in np.ndenumerate(panels):
+        name, measure = names[column], MEASURES[row]
+        modelled, measured = curves[name][..., row], found.measured[..., row]
+        for i, color in enumerate(colors):
+            if i < len(modelled):
+                line = VERMILLION if subjects == 1 else color if len(modelled) > 1 else GREY
+                axes.plot(flexion_deg, modelled[i], color=line, linewidth=1.2)
+            axes.plot(shown[i], measured[i], markerfacecolor="none", color=color, **dots)
+            axes.plot(shown[i, kept], measured[i, kept], color=color, **dots)
+        if row == 0:
+            title = textwrap.wrap(name.replace("_", " "), 20 if len(names) > 2 else 30)
+            axes.set_title(verbatim("\n".join(title[:2])))
+        if column == 0:
+            axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
     for axes in panels[-1]:
         axes.set_xlabel("Flexion, deg")
     figure.align_ylabels(panels[:, 0])
@@ -66,21 +75,6 @@ def joint_comparison_figure(
     figure.legend(handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.0, 1.0),
                   handlelength=1.6, columnspacing=1.2)  # fmt: skip
     return figure
-
-
-def _draw_subjects(axes: Axes, flexion_deg, curves, shown, found: Comparison, row: int) -> None:
-    """A measure of each subject: as it was measured, and as a model's curve."""
-    subjects, kept = len(found.measured), ~found.compared
-    colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
-    size = 3.6 if found.flexion_deg.size <= _DENSE else 2.2
-    for i, color in enumerate(colors):
-        if i < len(curves):
-            line = VERMILLION if subjects == 1 else color if len(curves) > 1 else GREY
-            axes.plot(flexion_deg, curves[i], color=line, linewidth=1.2)
-        dots = {"marker": "o", "linestyle": "none", "markersize": size, "color": color,
-                "markeredgewidth": 0.8}  # fmt: skip
-        axes.plot(shown[i], found.measured[i, :, row], markerfacecolor="none", **dots)
-        axes.plot(shown[i, kept], found.measured[i, kept, row], **dots)
 
 
 #: More flexions than these are not listed on a screen.
@@ -152,36 +146,27 @@ def comparison_tables(found: Comparison) -> dict[str, Table]:
         for one in found.predictions
         for measure, *numbers in zip(MEASURES, one.r2, one.adjusted_r2, one.rmse, strict=True)
     ]
-    spread = {x: [f"{one.column}_{y}" for one in MEASURES for y in ("mean", x)]
-              for x in ("sd", "se")}  # fmt: skip
+    with_sd, with_se = ([f"{one.column}_{x}" for one in MEASURES for x in ("mean", spread)]
+                        for spread in ("sd", "se"))  # fmt: skip
     of_models = ("model", "measure", "unit", "points", "r2", "adjusted_r2", "rmse")
-    made = {
-        "summary": Table.plain(("motion", "condition", *spread["sd"]), summary),
-        "differences": Table.plain(("first", "second", "condition", *spread["se"]), differences),
-        "predictions": Table.plain(of_models, predictions),
-    }
-    if found.tests:
-        made["tests"] = Table.plain(_TEST_COLUMNS, [*_test_rows(found)])
-    return made
-
-
-def _test_rows(found: Comparison) -> Iterator[list[Any]]:
-    """One row per measure, flexion and pair of motions."""
-    flexion = found.flexion_deg[found.compared]
-    for i, test in enumerate(found.tests):
-        measure, angle = MEASURES[i // len(flexion)], flexion[i % len(flexion)]
-        if test is None:
-            continue
-        shared = [min(test.normality.values()), test.f, *test.df, test.epsilon, test.p]
-        for pair in test.pairs:
-            own = [pair.difference, pair.standard_error, pair.p, pair.lower, pair.upper]
-            yield [measure.name, measure.unit, angle, *shared, pair.first, pair.second, *own,
-                   pair.p <= found.alpha]  # fmt: skip
+    made = {"summary": Table(("motion", "condition", *with_sd), summary),
+            "differences": Table(("first", "second", "condition", *with_se), differences),
+            "predictions": Table(of_models, predictions)}  # fmt: skip
+    places = itertools.product(MEASURES, found.flexion_deg[found.compared])
+    # A row per measure, flexion and pair of motions.
+    tests = [
+        [measure.name, measure.unit, angle, min(test.normality.values()), test.f, *test.df,
+         test.epsilon, test.p, pair.first, pair.second, pair.difference, pair.standard_error,
+         pair.p, pair.lower, pair.upper, pair.p <= found.alpha]
+        for (measure, angle), test in zip(places, found.tests, strict=False) if test is not None
+        for pair in test.pairs
+    ]  # fmt: skip
+    return made | ({"tests": Table(_TEST_COLUMNS, tests)} if found.tests else {})
 
 
 def comparison_notes(found: Comparison) -> Iterator[str]:
     """Sentences on which poses the numbers are of, and what they mean."""
-    subjects, alpha = len(found.measured), found.alpha
+    subjects = len(found.measured)
     if not found.compared.all():
         order = np.argsort(found.flexion_deg, kind="stable")
         flexion, rows = found.flexion_deg[order], np.flatnonzero(~found.compared[order])
@@ -191,8 +176,7 @@ def comparison_notes(found: Comparison) -> Iterator[str]:
         yield prose("joints.left_out", angles=", ".join(said))
     yield prose("joints.r2")
     if found.tests:
-        interval = f"{100.0 * (1.0 - alpha):g}"
-        yield prose("joints.tests", alpha=f"{alpha:g}", interval=interval)
+        yield prose("joints.tests", alpha=found.alpha, interval=100.0 * (1.0 - found.alpha))
     elif subjects < FEWEST_SUBJECTS:
         one = "One subject" if subjects == 1 else f"{subjects} subjects"
         yield prose("joints.untested", subjects=one, fewest=FEWEST_SUBJECTS)
@@ -225,12 +209,11 @@ def _people(title: str, rows: Sequence[Sequence[str]]) -> Table:
     """A row a condition, of which flexions are numbers; a column a measure."""
     rows = [[f"{one} deg" if one[0].isdigit() or one[0] == "-" else one, *cells]
             for one, *cells in rows]  # fmt: skip
-    measures = [Column(one.column, f"{one.name}, {one.unit}", str) for one in MEASURES]
-    return Table([Column("condition", " ", words=True), *measures], rows, title)
+    measures = [Column(x.column, f"{x.name}, {x.unit}", str, words=False) for x in MEASURES]
+    return Table([Column("condition", " "), *measures], rows, title)
 
 
 def _motions(found: Comparison) -> Iterator[Table]:
-    """Means and standard deviations of each motion."""
     spread = ": mean (standard deviation)" if len(found.measured) > 1 else ""
     for one in found.summaries:
         # The last rows are averages and ranges.
@@ -251,10 +234,8 @@ def _differences(found: Comparison) -> Iterator[Table]:
             cells = _with_spread(one.mean[i], one.standard_error[i], "{} +- {}")
             for k, measure in enumerate(MEASURES):
                 test = found.test(measure.name, i) if i < last else None
-                pairs = () if test is None else test.pairs
-                p = next((x.p for x in pairs if (x.first, x.second) == (one.first, one.second)),
-                         1.0)  # fmt: skip
-                cells[k] += "*" if p <= found.alpha else " "
+                p = {(x.first, x.second): x.p for x in (test.pairs if test is not None else ())}
+                cells[k] += "*" if p.get((one.first, one.second), 1.0) <= found.alpha else " "
             rows.append([one.conditions[i], *cells])
         yield _people(f"{one.first} - {one.second}{spread}", rows)
 
@@ -269,10 +250,8 @@ def _text(value: float) -> str:
 
 
 def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
-    names = [one.name for one in MEASURES]
-
     def named(values) -> dict[str, Any]:
-        return dict(zip(names, values, strict=True))
+        return dict(zip((one.name for one in MEASURES), values, strict=True))
 
     return {
         "subjects": len(found.measured), "flexion_deg": found.flexion_deg,
@@ -283,11 +262,10 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
             for one in found.predictions
         },
         "average_differences": {
-            f"{one.first} - {one.second}": {
-                name: {"mean": mean, "standard_error": error}
-                for name, mean, error in zip(names, one.mean[-1], one.standard_error[-1],
-                                             strict=True)
-            }
+            f"{one.first} - {one.second}": named(
+                {"mean": mean, "standard_error": error}
+                for mean, error in zip(one.mean[-1], one.standard_error[-1], strict=True)
+            )
             for one in found.differences
         },
         "tested": bool(found.tests), "alpha": found.alpha,

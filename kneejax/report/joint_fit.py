@@ -12,7 +12,7 @@ from kneejax.inference import versions
 from kneejax.joints import CondyleAxes, Joint, JointFit
 from kneejax.report.look import colours
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, LIGHT, PURPLE, VERMILLION
-from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import coordinate_panels, figure_legend, grid, part_legend
@@ -33,14 +33,12 @@ _VIEWS = (("from the side", 0, 1, "anterior, mm", "superior, mm"),
 
 @styled
 def joint_axes_figure(
-    moving: Joint, hinge: Joint | None = None, points: ArrayLike | None = None,
-    axes: CondyleAxes | None = None,
+    moving: Joint, hinge: Joint, points: ArrayLike | None, axes: CondyleAxes | None
 ) -> Figure:
     """The axes of a joint in the femur, seen from three sides."""
     cloud = np.zeros((0, 3)) if points is None else np.asarray(points, float)
     # All axis points, and of the femur what lies near them.
-    joints = [moving] if hinge is None else [moving, hinge]
-    shown = np.concatenate([np.asarray(one.femoral).reshape(-1, 3) for one in joints])
+    shown = np.concatenate([np.asarray(one.femoral).reshape(-1, 3) for one in (moving, hinge)])
     low, high = shown.min(axis=0) - 8.0, shown.max(axis=0) + 8.0
     near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(axis=1)]
     low = np.minimum(low, near.min(axis=0, initial=np.inf) - 3.0)
@@ -73,18 +71,16 @@ def joint_axes_figure(
                 dashes = "-" if facet.side == "medial" else ":"
                 style = {"color": color, "linewidth": 0.6, "linestyle": dashes, "alpha": 0.8}
                 panel.plot(c[0] + r * np.cos(turn), c[1] + r * np.sin(turn), **style)
-        for side in range(2):
-            panel.plot(between[side, across], between[side, up], color=BLACK, linewidth=0.8)
-        for i in range(1, len(lines) - 1):
-            panel.plot(lines[i, :, across], lines[i, :, up], color=GREY, linewidth=0.7, marker=".")
+        panel.plot(between[:, across].T, between[:, up].T, color=BLACK, linewidth=0.8)
+        panel.plot(lines[1:-1, :, across].T, lines[1:-1, :, up].T, color=GREY, linewidth=0.7,
+                   marker=".")  # fmt: skip
         for i, color in [(0, _EXTENSION), (len(lines) - 1, _FLEXION)][: len(lines)]:
             (handles[f"axis at {degrees[i]:.0f} degrees"],) = panel.plot(
                 lines[i, :, across], lines[i, :, up], color=color, marker="o", markersize=3.5
             )
-        if hinge is not None:
-            line = np.asarray(hinge.femoral[0])
-            style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
-            (handles["hinge"],) = panel.plot(line[:, across], line[:, up], **style, markersize=3.5)
+        line = np.asarray(hinge.femoral[0])
+        style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
+        (handles["hinge"],) = panel.plot(line[:, across], line[:, up], **style, markersize=3.5)
         panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N", title=title,
                   xlim=(low[across], high[across]), ylim=(low[up], high[up]))  # fmt: skip
     figure_legend(figure, handles, loc="outside lower center", markerscale=1.0,
@@ -94,11 +90,10 @@ def joint_axes_figure(
 
 @styled
 def joint_motion_figure(
-    joints: Mapping[str, Joint], measured: ArrayLike, rows: ArrayLike, flexion_deg: ArrayLike,
-    label: str = "measured",
+    joints: Mapping[str, Joint], measured: np.ndarray, rows: ArrayLike, flexion: np.ndarray,
+    label: str,
 ) -> Figure:
     """The five coordinates of joints over flexion, beside measured poses."""
-    measured, flexion = np.asarray(measured, float), np.asarray(flexion_deg, float)
     figure, panels, words = coordinate_panels(flexion)
     handles: dict[str, object] = {}
     angle, label = np.deg2rad(flexion), verbatim(label)
@@ -135,20 +130,14 @@ def joint_fit_answer(
     regions: str = "", surface: np.ndarray | None = None, doubts: Sequence[str] = (),
     document: Mapping[str, Any] | None = None,
 ) -> Answer:
-    """What simple joints keep of poses of a name, `(n, 6)`, degrees and mm, and what they lose.
-
-    Poses of a contact knee have a `status`, and are NaN where it has none; their motion is written
-    over `flexion`. `surface` are points of the femur, `(n, 3)`, mm; `regions` says how its facets
-    were chosen, `document` what result.json says of the input.
-    """
+    """What simple joints keep of poses of a name, `(n, 6)`, degrees and mm, and what they lose."""
     article, kind = "a", "moving axis"
     if len(fit.rows) > 2:
         article, kind = "an", f"axis through {len(fit.rows)} poses"
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
-    moved = fit.moving, fit.hinge
-    heads = tuple(pose_columns())
+    heads, files = tuple(pose_columns()), {"poses": fit.moving, "hinge_poses": fit.hinge}
     tables = {file: Table.of({heads: joint.pose(np.deg2rad(flexion)).to_table()})
-              for joint, file in zip(moved, ("poses", "hinge_poses"), strict=True)}  # fmt: skip
+              for file, joint in files.items()}  # fmt: skip
     known = table[np.isfinite(table).all(axis=1), 0]
     over = f"{len(known)} measured poses"
     if status:
@@ -156,36 +145,32 @@ def joint_fit_answer(
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
     columns = tuple(dataclasses.replace(one, show=".3f") for one in pose_columns()[1:])
-    errors = Table.of({Column("joint", " ", words=True): [kind, "hinge"], columns: fit.rmse},
+    errors = Table.of({Column("joint", " "): [kind, "hinge"], columns: fit.rmse},
                       f"RMSE over {over}, degrees and mm")  # fmt: skip
     said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees.",
             f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees."]  # fmt: skip
     sections = [Section("Axes in the femur", drawings=["axes"]),
                 Section("The joints", said, printed=True)]
     if facets is not None:
-        own, round_ = facets.facets, [facet.cylinder for facet in facets.facets]
-        tables["facets"] = Table.of({
-            "side": [x.side for x in own], "facet": [x.name for x in own],
-            "points": [len(x.rows) for x in own], "radius_mm": [x.radius for x in round_],
-            "rms_mm": [x.rms for x in round_], along("center_{}_mm"): [x.center for x in own],
-            "center_error_mm": [x.center_error for x in round_],
-            along("direction_{}"): [x.direction for x in round_],
-            "direction_error_deg": [x.direction_error_deg for x in round_],
-            "own_direction": [x.turned for x in own],
-        }, "", "Without a direction of its own a facet has that of the transverse axis.",
-           show=_SHOWN)  # fmt: skip
+        header = ("side", "facet", "points", "radius_mm", "rms_mm", *along("center_{}_mm"),
+                  "center_error_mm", *along("direction_{}"), "direction_error_deg",
+                  "own_direction")  # fmt: skip
+        rows = [[x.side, x.name, len(x.rows), x.cylinder.radius, x.cylinder.rms, *x.center,
+                 x.cylinder.center_error, *x.cylinder.direction, x.cylinder.direction_error_deg,
+                 x.turned] for x in facets.facets]  # fmt: skip
+        tables["facets"] = Table.of(
+            dict(zip(header, zip(*rows, strict=True), strict=True)), "", prose("facets"),
+            show=_SHOWN,
+        )  # fmt: skip
         sections.append(Section("Facets of the condyles", [regions], ["facets"], printed=True))
     dense = np.linspace(flexion.min(), flexion.max(), 241)
-    worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
+    worst = [[np.nanmax(x[:2]), np.nanmax(x[2:])] for x in fit.rmse]
     rmse = {joint: dict(zip(FREE_COORDINATES, row, strict=True))
             for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)}  # fmt: skip
     return Answer(
         title=f"Simple joints of {name if status else 'measured poses'}",
         asked=f"How closely {article} {kind} and a hinge follow {over}.",
-        sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
-        f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
-        f"{worst[1, 1]:.2f} mm.",
-        tables=tables, main=[errors],
+        sentence=prose("joints.worst", kind=kind, worst=worst), tables=tables, main=[errors],
         drawings={
             "axes": Drawing(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
             "motion": Drawing(joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table,

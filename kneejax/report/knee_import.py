@@ -68,8 +68,7 @@ def surface_fit_figure(
         axes.scatter(across[here][far], along[here][far], c=residual[far], s=14,
                      **{**colours, "linewidths": 0.5}, edgecolors="black")  # fmt: skip
         rms = float(np.sqrt(np.average(residual**2, weights=fit.weights[here])))
-        digits = 3 if rms < 0.1 else 2
-        largest = float(np.abs(residual).max())
+        digits, largest = 3 if rms < 0.1 else 2, float(np.abs(residual).max())
         axes.set_title(f"{title}\n{rms:.{digits}f} mm rms, {largest:.2f} mm at most")
     bar = figure.colorbar(dots, ax=figure.axes, shrink=0.6, aspect=30, extend="both")
     bar.set_label("distance outside the fit, mm (ringed: beyond the scale)")
@@ -98,12 +97,10 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
            for column, own in _QUALITY.items()},
     }, "What the fits leave over, mm", prose("fit_report"), show=_SHOWN)  # fmt: skip
     worst = max(fits, key=lambda name: fits[name].quality.rms)
-    off = fits[worst].quality
     return Answer(
         title="Surfaces from meshes",
         asked=f"How closely smooth surfaces follow {len(fits)} surfaces of cartilage.",
-        sentence=f"The worst, {worst}, is {off.rms:.3f} mm rms off its mesh in the contact region "
-        f"and {off.maximum:.2f} mm at most.",
+        sentence=prose("mesh_import", worst=worst, off=fits[worst].quality),
         tables={"fit_report": table}, main=["fit_report"],
         drawings={"surface_fits": Drawing(surface_fit_figure,
                                           {name: part.fit for name, part in fits.items()},
@@ -119,15 +116,12 @@ def meniscus_import_answer(found: Any, replaced: bool) -> Answer:
     columns = {x: getattr(found, x)
                for x in ("angle_deg", "inner_mm", "outer_mm", "height_mm", "area_mm2")}  # fmt: skip
     answer = mesh_import_answer({name: found.fit}, found.findings, bool(found.doubts))
-    begin, end = ring["horns_deg"]
     return dataclasses.replace(
         answer,
         title=f"{name.capitalize()}, from its mesh",
         asked="Where a meniscus lies on its plateau, and what holds it from horn to horn.",
-        sentence=f"Cross-section {ring['cross_section_mm2']:.1f} mm², {found.height_mm.mean():.1f} "
-        f"mm high, horns at {begin:.0f} and {end:.0f} degrees from the front towards the person's "
-        f"right; the upper surface is {quality.rms:.3f} mm rms off its mesh and "
-        f"{quality.maximum:.2f} mm at most{'; it replaces the one there was' * replaced}.",
+        sentence=prose("meniscus_import", ring=ring, high=found.height_mm.mean(), quality=quality,
+                       replaced="; it replaces the one there was" * replaced),
         tables={**answer.tables, "sections": Table.of(columns, "Sections through the middle")},
         sections=[*answer.sections, Section("Sections", [], ["sections"])],
         doubts=[*found.doubts],
@@ -144,17 +138,17 @@ def band_import_answer(
         rows.append([bone, *np.asarray(area.centre), *half[:2], np.pi * half[0] * half[1]])
     lengths = ("anterior_mm", "superior_mm", "lateral_mm", "half_length_mm", "half_width_mm")
     columns = [Column(name, show=".1f") for name in lengths]
-    areas = Table([Column("bone", words=True), *columns, Column("area_mm2", show=".0f")], rows,
+    areas = Table(["bone", *columns, Column("area_mm2", show=".0f")], rows,
                   "Where it is attached, in each bone's frame")  # fmt: skip
     sections = Table.of({"along_mm": band.along_mm, "area_mm2": band.areas_mm2},
                         "Cross-sections, from the femur")  # fmt: skip
-    stiffness, place = modulus_MPa * band.area_mm2, f"in place of {', '.join(replaced)}"
+    place = f", in place of {', '.join(replaced)}"
     return Answer(
         title=f"{name}, from its mesh",
         asked="Where a ligament's mesh touches femur and tibia, and how thick it is.",
-        sentence=f"Cross-section {band.area_mm2:.1f} mm² ({band.areas_mm2.min():.1f} to "
-        f"{band.areas_mm2.max():.1f} along it), stiffness {stiffness:.0f} N per unit strain, drawn "
-        f"as {fibres} fibres{f', {place}' if replaced else ''}.",
+        sentence=prose("band_import", band=band, fibres=fibres, place=place if replaced else "",
+                       stiffness=modulus_MPa * band.area_mm2, least=band.areas_mm2.min(),
+                       most=band.areas_mm2.max()),
         tables={"areas": areas, "cross_sections": sections}, main=["areas"],
         sections=[Section("Cross-sections", [], ["cross_sections"])],
     )  # fmt: skip
@@ -164,12 +158,9 @@ def osim_import_answer(
     name: str, said: Sequence[str], sections: Mapping[str, Sequence[str]],
     ligaments: Mapping[str, Mapping[str, Any]], doubts: Sequence[str], *, missed: bool = False,
 ) -> Answer:
-    """A knee from an OpenSim model: sentences for the terminal, sections of the import report, and
-    the ligaments of the knee file; `missed` says whether a surface misses its target."""
-    columns = [Column("fibre", words=True), Column("points"),
-               Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
-               Column("slack_length_mm", "slack length, mm"),
-               Column("transition_strain", "transition")]  # fmt: skip
+    """A knee from an OpenSim model; `missed`: a surface misses its target."""
+    columns = [Column("fibre", words=True), "points", Column("wrap", "wrap object", words=True),
+               "stiffness_N", "slack_length_mm", Column("transition_strain", "transition")]
     rows = [
         [fibre, 2 + len(x.get("via_points", ())), x.get("wrap", ""), x["stiffness_N"],
          x["slack_length_mm"], x["transition_strain"]]

@@ -10,7 +10,6 @@ import numpy as np
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
-from kneejax.report import doubts as faults
 from kneejax.report import pose_tables
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION, shades
 from kneejax.report.look.page import Answer, Drawing, Section
@@ -28,16 +27,17 @@ _FROM = {"unloaded": "from the neutral pose", "intact": "from the intact knee"}
 @styled
 def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figure:
     """Draw load against displacement, a panel for each test and a curve for each flexion."""
-    figure, panels = _panels(len(curves), 1.4)
+    count = len(curves)
+    figure, panels = grid(count, 1, 2.7 * count + 0.35, left=0.7, right=1.4, apart=(0, 0.8))
     for axes, one, own in zip(panels[:, 0], curves, status, strict=True):
         test, loads = one.test, np.asarray(one.driving_load)
         moved, held = np.asarray(one.displacement_by_load), [_ends(one.part, x) for x in own]
-        colors = shades(len(moved))
         every, shown = max(1, -(-len(moved) // _MOST_NAMED)), {}
-        for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
+        lines = zip(test.flexion_deg, moved, loads, held, shades(len(moved)), strict=True)
+        for k, (flexion, x, load, last, color) in enumerate(lines):
             (line,) = axes.plot(x, load, color=color)
-            shown |= {f"{test.flexion_deg[k]:g}": line} if k % every == 0 else {}
-            axes.plot(x[held[k]], load[held[k]], "x", color=VERMILLION, markersize=5, zorder=5)
+            shown |= {f"{flexion:g}": line} if k % every == 0 else {}
+            axes.plot(x[last], load[last], "x", color=VERMILLION, markersize=5, zorder=5)
         if any(held):
             (shown["last load held"],) = axes.plot([], [], "x", color=VERMILLION, markersize=5)
         kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
@@ -49,11 +49,6 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         part_legend(axes, shown, (1.02, 1.02), title="Flexion, deg", title_fontsize=8,
                     handlelength=1.6)  # fmt: skip
     return figure
-
-
-def _panels(count: int, right: float):
-    """Panels one below the other, with room for legends to the right."""
-    return grid(count, 1, 2.7 * count + 0.35, left=0.7, right=right, apart=(0, 0.8))
 
 
 def _ends(part: np.ndarray, status: np.ndarray) -> list[int]:
@@ -72,13 +67,11 @@ def _ends(part: np.ndarray, status: np.ndarray) -> list[int]:
 def laxity_figure(
     curves: Sequence[Curves], found: Sequence[Laxity], bands: Sequence[Any] = ()
 ) -> Figure:
-    """Draw how far the knee gives over flexion, beside published ranges of the same load; of a test
-    by displacement, what it takes.
-    """
-    figure, panels = _panels(len(curves), 1.96)
+    """How far the knee gives over flexion, or what a displacement takes."""
+    count = len(curves)
+    figure, panels = grid(count, 1, 2.7 * count + 0.35, left=0.7, right=1.96, apart=(0, 0.8))
     for axes, one in zip(panels[:, 0], curves, strict=True):
-        rows = [x for x in found if x.test == one.test.name]
-        test = one.test
+        rows, test = [x for x in found if x.test == one.test.name], one.test
         flexion = np.array([x.flexion_deg for x in rows])
         kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
         drawn: dict[str, Any] = {}
@@ -112,18 +105,15 @@ def laboratory_answer(
     second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
     intact: tuple[Knee, Sequence[Curves], Mechanics] | None = None,
 ) -> Answer:
-    """What tests under load tell of a knee, from a curve each and the mechanics of their motion.
+    """What tests under load tell of a knee; `intact` is that before a meniscus was removed.
 
-    `second` are, of each test, poses of a second stable balance, NaN where there is none,
-    `(flexions, loads, 6)`; `bands` published laxities to be drawn beside; `intact` the knee before
-    a meniscus was removed, in the same tests.
+    `second` are, of each test, poses of a second stable balance or NaN, `(flexions, loads, 6)`.
     """
     mechanics = jax.tree.map(np.asarray, mechanics)
     status = [one.status(mechanics) for one in curves]
     wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
     by_test = [(one, [x for x in found if x.test == one.test.name]) for one in curves]
-    shown = [laxity_table(one, rows) for one, rows in by_test]
     doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
     # From which load to which a second balance exists, and where it lies.
     for one, other in zip(curves, second, strict=False):
@@ -131,7 +121,7 @@ def laboratory_answer(
         for i in np.flatnonzero(known.any(axis=1)).tolist():
             rows = np.flatnonzero(known[i])
             k = int(rows[np.argmin(np.abs(one.part[rows]))])
-            where = faults.second_balance(other[i, k], _femoral_poses(one)[i, k])
+            where = pose_tables.second_balance(other[i, k], _femoral_poses(one)[i, k])
             doubts.append(
                 f"{one.test.name} at {_met(one, i, rows)}: a second stable balance exists, which "
                 "an intact knee comes to that is loaded first and cut then; reported is that of "
@@ -147,14 +137,12 @@ def laboratory_answer(
     steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
              for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
     *keys, rows = zip(*steps, strict=True)
-    of_steps = jax.tree.map(lambda x: x[list(rows)], mechanics)
     keys = dict(zip(("test", "flexion_deg", "step"), keys, strict=True))
     angles = dict.fromkeys(f"{x:g}" for one in curves for x in one.test.flexion_deg)
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
+    knees = [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
+    contact = _contact_tables(knees)
     # Laxity at a single angle is a point; what the load does to the knee is the picture then.
-    contact = _contact_tables(
-        [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
-    )
     headings = {"curves": "Load against displacement", "laxity": "Laxity over flexion"}
     above = "curves" if all(len(one.nodes) == 1 for one in curves) else "laxity"
     return Answer(
@@ -163,11 +151,11 @@ def laboratory_answer(
         verdict=pose_tables.verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
         tables={"curves": _curves_table(curves, status, wrong, convention),
-                "laxity": Table([*map(Column, LAXITY_COLUMNS)], [x.row for x in found]),
+                "laxity": Table(LAXITY_COLUMNS, [x.row for x in found]),
                 "poses": pose_tables.pose_table(reached, every, convention, more=more),
-                "forces": pose_tables.force_table(knee, of_steps, keys),
+                "forces": pose_tables.force_table(knee, _at(mechanics, rows), keys),
                 **({"contact": contact[0]} if contact else {})},
-        main=[*shown, *contact[1:]],
+        main=[*(laxity_table(*each) for each in by_test), *contact[1:]],
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
         picture=above, doubts=doubts, exit_status=int(bool(doubts)),
@@ -179,10 +167,7 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     """Laxity for people: a row for each angle, units in the headings."""
     test, unit = curves.test, rows[0].unit
     load, by_load = NAMED_LOADS[test.driven_by], test.displacement is None
-    ends = unit if by_load else load.unit
-    slope = f"{load.unit}/{unit}"
-    observed = COORDINATES[test.observed].phrase
-    counted = ", from the intact knee" if curves.intact is not None else ""
+    ends, slope = unit if by_load else load.unit, f"{load.unit}/{unit}"
     to, fro = max(test.path) > 0.0, min(test.path) < 0.0
     columns = [Column("flexion_deg", "flexion, deg", ".1f"),
                Column("range", f"range, {ends}", ".2f", shown=to and fro),
@@ -190,16 +175,18 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
                Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
                Column("neutral", f"neutral, {unit}", ".2f"),
                Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
-               Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True)]
+               Column("stiffness_end", f"at the end, {slope}", ".2f"), "status"]  # fmt: skip
     cells = [
         [x.flexion_deg, *((x.range, x.positive, x.negative) if by_load else
                           (_span(x), x.held_positive, x.held_negative)), x.neutral,
          x.stiffness_start, x.stiffness_end, "; ".join(_not_held(test, x)) or x.status.word]
         for x in rows
     ]  # fmt: skip
-    note = f"Change of {observed} along the load's own axes{counted}, {unit}."
-    if not by_load:
-        note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
+    note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
+    if by_load:
+        counted = ", from the intact knee" if curves.intact is not None else ""
+        observed = COORDINATES[test.observed].phrase
+        note = f"Change of {observed} along the load's own axes{counted}, {unit}."
     return Table(columns, cells, f"{test.name}: {test.words}", note)
 
 
@@ -214,9 +201,9 @@ def _not_held(test, x: Laxity) -> Iterator[str]:
     if test.displacement is not None:
         return
     load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
-    ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
-    for held, full, word in ((x.held_negative, ends[0], load.negative),
-                             (x.held_positive, ends[1], load.positive)):
+    low, high = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
+    for held, full, word in ((x.held_negative, low, load.negative),
+                             (x.held_positive, high, load.positive)):
         if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
             part = f"{abs(held):.3g} of {abs(full):.3g} {load.unit}"
             yield f"beyond {part} of {word}: {x.status.word}"
@@ -263,22 +250,26 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
                              *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
                              one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
                              said[i][k], *extra.values()])
-    return Table([*map(Column, (*header, *extra))], rows)
+    return Table((*header, *extra), rows)
 
 
 def _load_column(name: str) -> str:
     """`anterior_N` -> `anterior_force_N`, `varus_Nm` -> `varus_moment_Nm`."""
-    word, unit = name.rsplit("_", 1)
-    if word == "compression":
+    if name.startswith("compression_"):
         return name
-    return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
+    return name.replace("_Nm", "_moment_Nm") if name.endswith("m") else name[:-1] + "force_N"
+
+
+def _at(mechanics: Mechanics, rows: Sequence[int]) -> Mechanics:
+    return jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
 
 
 def _contact_tables(
     knees: Sequence[tuple[str, Knee, Sequence[Curves], Mechanics]],
 ) -> list[Table]:
     """Contacts in tests of compression: at each load for the file, at the largest for people."""
-    tables = []
+    columns: Sequence[Column] = ()
+    every: list[Sequence[Any]] = []
     for name, knee, curves, mechanics in knees:
         steps = [(name, flexion, float(one.test.size * part), one.nodes[i, k])
                  for one in curves if one.test.driven_by == "compression_N"
@@ -287,17 +278,16 @@ def _contact_tables(
                  for k, part in enumerate(one.part)]  # fmt: skip
         if steps:
             *keys, rows = zip(*steps, strict=True)
-            own = jax.tree.map(lambda x, rows=rows: np.asarray(x)[list(rows)], mechanics)
             names = "knee", Column("flexion_deg", show=".1f"), Column("compression_N", show=".0f")
-            named = dict(zip(names, keys, strict=True))
-            numbers = pose_tables.contact_numbers(knee, own)
-            tables.append(pose_tables.part_table(named, "contact", knee.contact_names, numbers))
-    if not tables:
+            numbers = pose_tables.contact_numbers(knee, _at(mechanics, rows))
+            table = pose_tables.part_table(dict(zip(names, keys, strict=True)), "contact",
+                                           knee.contact_names, numbers)  # fmt: skip
+            columns, every = columns or table.columns, [*every, *table.rows]
+    if not columns:
         return []
-    every = Table(tables[0].columns, [row for table in tables for row in table.rows])
-    most = max((row[2] for row in every.rows), default=0.0)
-    full = [row for row in every.rows if row[2] == most]
-    return [every, Table(every.columns, full, "Contact under the full compression")]
+    most = max((row[2] for row in every), default=0.0)
+    full = [row for row in every if row[2] == most]
+    return [Table(columns, every), Table(columns, full, "Contact under the full compression")]
 
 
 def _femoral_poses(one: Curves) -> np.ndarray:
@@ -315,34 +305,29 @@ def _curve_words(
     part = np.zeros(len(motion.status))
     part[curves.nodes] = curves.part
     full = test.full or {test.observed: test.size}
-    found = faults.search_words(motion, {name: size * part for name, size in full.items()})
+    found = pose_tables.search_words(motion, {name: size * part for name, size in full.items()})
     answer = []
     others = np.full_like(here, np.nan) if second is None else second
     for rows, *where in zip(curves.nodes, others, here, strict=True):
-        also = faults.with_second([found[row] for row in rows], *where)
-        at_rows = jax.tree.map(lambda x, rows=rows: x[rows], mechanics)
-        answer.append(faults.pose_words(motion.knee, at_rows, also))
+        also = pose_tables.with_second([found[row] for row in rows], *where)
+        answer.append(pose_tables.pose_words(motion.knee, _at(mechanics, rows), also))
     return answer
 
 
 def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
     """Each outcome with where it is found, its next step and poses in numbers."""
-    loads = status.shape[1]
-
     def where(rows: np.ndarray) -> str:
-        flexion, load = np.divmod(rows, loads)
-        return f"{one.test.name} at " + ", ".join(
-            _met(one, i, load[flexion == i]) for i in dict.fromkeys(flexion.tolist())
-        )
+        flexion, load = np.divmod(rows, status.shape[1])
+        spans = [_met(one, i, load[flexion == i]) for i in dict.fromkeys(flexion.tolist())]
+        return f"{one.test.name} at {', '.join(spans)}"
 
     words = [text for texts in wrong for text in texts]
     lost = np.where(status.ravel() == Status.BALANCED, "", words).tolist()
-    return faults.status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
+    return pose_tables.status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
 
 
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
     """One flexion, and the loads from the first to the last of some rows."""
-    test = one.test
-    sizes = test.size * one.part[rows]
-    span = f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}"
-    return f"{test.flexion_deg[flexion]:g} degrees ({span} {test.unit})"
+    sizes = one.test.size * one.part[rows]
+    span = f"{sizes[0]:g}" + f" to {sizes[-1]:g}" * (len(sizes) > 1)
+    return f"{one.test.flexion_deg[flexion]:g} degrees ({span} {one.test.unit})"

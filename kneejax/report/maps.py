@@ -92,15 +92,14 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
         low, high = sorted(names.index(name) for name in one.names)
         axes = panels[high - 1, low]
         axes.set_axis_on()
-        upright = one
         if names.index(one.names[0]) != low:
-            arrays = ("objective", "partial_objectives", "condition", "lost")
-            flip = {key: np.swapaxes(getattr(one, key), -1, -2) for key in arrays}
-            turned = {"names": one.names[::-1], "units": one.units[::-1], **flip}
-            upright = dataclasses.replace(one, x=one.y, y=one.x, start=one.start[::-1], **turned)
-        filled, marks = _filled(axes, upright, upright.objective, limits)
-        handles |= marks | _marks(axes, upright, upright.objective, begun, figure)
-        _axes(axes, upright, left=low == 0, bottom=high == size, small=True)
+            flipped = {key: np.swapaxes(getattr(one, key), -1, -2)
+                       for key in ("objective", "partial_objectives", "condition", "lost")}
+            flipped |= {key: getattr(one, key)[::-1] for key in ("names", "units", "start")}
+            one = dataclasses.replace(one, x=one.y, y=one.x, **flipped)
+        filled, marks = _filled(axes, one, one.objective, limits)
+        handles |= marks | _marks(axes, one, one.objective, begun, figure)
+        _axes(axes, one, left=low == 0, bottom=high == size, small=True)
     if filled is not None:
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
         label = "Objective: weighted sum of squared errors"
@@ -177,11 +176,7 @@ def _plain(x: float) -> str:
 def _marks(
     axes: Axes, found: ParameterMap, values: np.ndarray, begun: str, above: Figure | None = None
 ) -> dict[str, Any]:
-    """The knee's own values, and the best grid point of what is drawn.
-
-    Of panels that stand close the best point belongs to the figure `above` them: on an edge the
-    next panel would cut it.
-    """
+    """The knee's own values, and the best point; that of the figure `above` no next panel cuts."""
     handles, best = {}, np.where(found.drawn, values, np.inf)
     style = {"linestyle": "none", "clip_on": False, "zorder": 6, "markeredgecolor": "black",
              "markeredgewidth": 0.8}  # fmt: skip
@@ -226,29 +221,24 @@ def map_answer(
         counts = [int((one.condition == condition).sum()) for condition in Condition]
         rows.append([*one.names, *(one.minimum or [np.nan] * 3), *one.start, one.start_objective,
                      *counts])  # fmt: skip
-    single = list(drawings)
+    single, picture = list(drawings), next(iter(drawings))
     if len(maps) > 2:
+        picture = "maps"
         drawings["maps"] = Drawing(map_matrix_figure, maps, begun, more=prose("map_figure"))
-    picture = "maps" if len(maps) > 2 else single[0]
     empty = [one for one in maps if not one.drawn.any()]
     found = [(" and ".join(one.names), _doubt(one, begun)) for one in maps]
     doubts = [f"{pair}: {doubt}" for pair, doubt in found if doubt]
-    counts = zip(*(row[-len(Condition) :] for row in rows), strict=True)
-    counts = zip(Condition, map(sum, counts), strict=True)
-    notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}" for one, n in counts if one and n]
+    counts = np.sum([row[-len(Condition) :] for row in rows], axis=0).tolist()
+    notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}"
+             for one, n in zip(Condition, counts, strict=True) if one and n]  # fmt: skip
     if maps[0].left_out:
-        doubts.append(
-            f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
-        )
+        doubts.append(prose("map.left_out", count=maps[0].left_out))
+    over = " and ".join(maps[0].names) if len(maps) == 1 else f"{len(maps)} pairs of parameters"
     return Answer(
-        title=f"Objective over {' and '.join(maps[0].names)}" if len(maps) == 1 else
-        f"Objective over {len(maps)} pairs of parameters",
-        asked=f"{about['study']}, knee {about['knee']}: for which values of the parameters is the "
-        f"motion nearest to the measured one? Grid {about['grid']}, {about['ranges']}.",
-        verdict=Verdict.FAILED if len(empty) == len(maps) else
-        Verdict.DOUBTFUL if doubts else Verdict.GOOD,
+        title=f"Objective over {over}", asked=prose("map", **about),
+        verdict=Verdict.FAILED if len(empty) == len(maps) else None,
         sentence=" ".join(_sentence(one) for one in maps[:3] if one.drawn.any()),
-        tables={"maps": Table.plain(_COLUMNS, rows)}, main=[lowest_table(maps, begun)],
+        tables={"maps": Table(_COLUMNS, rows)}, main=[lowest_table(maps, begun)],
         drawings=drawings, picture=picture, doubts=doubts,
         sections=[Section("Grid points that do not count", notes, printed=True),
                   Section("Each pair", drawings=[x for x in single if x != picture])],
@@ -265,14 +255,11 @@ def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
         near = (one.drawn & (one.objective <= 2.0 * best[2])).sum() / max(one.drawn.sum(), 1)
         rows.append([*one.names, *best, one.start_objective, near, correlation(one),
                      1.0 - one.drawn.mean()])  # fmt: skip
-    return Table(
-        [Column("x", words=True), Column("y", words=True), Column("lowest_at_x"), Column("at_y"),
-         Column("objective"), Column(f"at_the_{begun}"),
-         Column("within_twice", "within twice", ".1%"), Column("correlation", show="2"),
-         Column("not_drawn", show=".1%")],
-        rows,
-        "Lowest grid point of each pair", prose("lowest"), ("not_drawn", f"at_the_{begun}"),
-    )  # fmt: skip
+    columns = ["x", "y", "lowest_at_x", "at_y", "objective", f"at_the_{begun}",
+               Column("within_twice", show=".1%"), Column("correlation", show="2"),
+               Column("not_drawn", show=".1%")]  # fmt: skip
+    return Table(columns, rows, "Lowest grid point of each pair", prose("lowest"),
+                 ("not_drawn", f"at_the_{begun}"))  # fmt: skip
 
 
 def _best(one: ParameterMap) -> tuple[int, int]:

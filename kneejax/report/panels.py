@@ -43,9 +43,7 @@ def grid(
 ) -> tuple[Figure, np.ndarray]:  # fmt: skip
     """A figure with its panels, `(rows, columns)`; all sizes are inches.
 
-    `apart` lies between columns and between rows, `title` above everything; where the layout is
-    `constrained`, Matplotlib finds these itself. Panels beyond those `shown` have no axes. `how`
-    goes to its `subplots`.
+    `apart` lies between columns and between rows; panels beyond those `shown` have no axes.
     """
     figure = Figure(figsize=(width, height), layout="constrained" if constrained else None)
     if not constrained:
@@ -75,11 +73,7 @@ def panel_grid(
 def coordinate_panels(
     flexion: np.ndarray, height: float = 6.3, **how: Any
 ) -> tuple[Figure, dict[str, Axes], Axes]:
-    """Panels of the five coordinates over flexion under their names, and one without axes for the
-    legend.
-
-    Translations stand on the left, rotations on the right; `how` goes to `grid`.
-    """
+    """Panels of the five coordinates by name, and axes for the legend; `how` goes to `grid`."""
     how = {"left": 0.6, "bottom": 0.47, "top": 0.25, "apart": (0.57, 0.42), **how}
     figure, panels = grid(3, 2, height, sharex=True, **how)
     panels[2, 1].set_axis_off()
@@ -110,10 +104,7 @@ def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
 def flexion_axis(
     axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
 ) -> None:
-    """Make the horizontal axis one of flexion: limits, ticks at clinical angles, label.
-
-    Where flexion is constant, `flexion` holds steps and `label` says so.
-    """
+    """Limits and ticks at clinical angles; where flexion is constant `label` says what it is."""
     low, high = np.nanmin(flexion), np.nanmax(flexion)
     pad = 0.02 * (high - low) or 1.0
     axes.set_xlim(low - pad, high + pad)
@@ -160,10 +151,7 @@ def draw_named(
     axes: Axes, x: ArrayLike, curves: Mapping[str, Any], label: str, *,
     colors: Iterable[str] = PARTS, columns: int = 4, size: float = 7.5, **style: Any,
 ) -> None:  # fmt: skip
-    """Draw a line for each name, in turn in `colors`, with a legend above the panel.
-
-    `label` is that of the vertical axis, `columns` and `size` (of letters) those of the legend.
-    """
+    """Draw a line for each name, in turn in `colors`, with a legend above the panel."""
     for (name, values), color in zip(curves.items(), itertools.cycle(colors), strict=False):
         own = {"color": color, "label": verbatim(name), **style}
         axes.plot(np.asarray(x), np.asarray(values), **own)

@@ -26,12 +26,11 @@ def plan_answer(result: PlanResult) -> Answer:
         The answer; its tables are plan, octagon, curves and, where one was asked for, front.
     """
     plan, surgery, doubts = result.plan, result.plan.surgery, plan_doubts(result)
-    graft, found, free = plan.graft.name.replace("_", " "), result.optimum, ", ".join(plan.free)
+    graft, found = plan.graft.name.replace("_", " "), result.optimum
     whole, corner = knees_table(result), result.octagon
-    names = (*surgery.ligaments, "total")
     octagon = Table.of({
         "position": range(1, len(corner.choices) + 1),
-        tuple(Column(name, show="3") for name in names):
+        tuple(Column(name, show="3") for name in (*surgery.ligaments, "total")):
             np.column_stack([corner.distance, corner.total]),
     }, "Strain distance by place")  # fmt: skip
     tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
@@ -41,7 +40,7 @@ def plan_answer(result: PlanResult) -> Answer:
     where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
                     "From the middles of the footprints.")  # fmt: skip
     knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
-                    prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
+                    prose("plan.knees", force=surgery.protocol.force_N))  # fmt: skip
     corners = [f"octagon {k + 1}" for k in range(len(corner.choices))]
     eight = part_of(whole, corners, does, "Eight places on the tibia")
     maps = {f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
@@ -52,18 +51,13 @@ def plan_answer(result: PlanResult) -> Answer:
     first, *others = *maps, "strains"
     sought = ["No optimum was asked for."]
     if found is not None:
-        sizes = surgery.limits.graft_N, surgery.limits.band_mm, *surgery.limits.tension_N
-        limits = zip(("graft", "band", "least", "most"), sizes, strict=True)
         ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
-        sought = [
-            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits}),
-            f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
-            f"distances found from the starts that were followed: {ends}.",
-        ]
+        sought = paragraphs("plan.sought", free=", ".join(plan.free), limits=surgery.limits,
+                            ends=ends, evaluations=found.evaluations, starts=len(found.starts))
     tradeoff: list[Table] = []
     if result.front is not None:
         tables["front"], tradeoff = front_tables(result)
-    places_words = prose("plan.octagon", apothem=f"{plan.octagon_mm:g}")
+    places_words = prose("plan.octagon", apothem=plan.octagon_mm)
     if np.isfinite(corner.total).any():
         order = [int(k) + 1 for k in np.argsort(corner.total) if np.isfinite(corner.total[k])]
         places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
@@ -87,10 +81,9 @@ def plan_answer(result: PlanResult) -> Answer:
                for angle, own, intact in laxities),
              ("Largest graft force, N", number(result.best.peak_N[0], 3))]  # fmt: skip
     bundles = len(surgery.plan.bundles)
-    asked = prose("plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
-                  flexion=f"{surgery.fixation_deg:g}",
+    asked = prose("plan.asked", plan=plan, graft=graft,
                   how="one bundle" if bundles == 1 else f"{bundles} bundles",
-                  stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
+                  stiffness=sum(surgery.plan.stiffness_N) / 1000,
                   tension=", ".join(f"{x:g}" for x in plan.base[4::5]))  # fmt: skip
     failed = plan_failed(result)
     return Answer(title=plan.title, asked=f"{asked} {prose('plan.note')}",
@@ -102,7 +95,6 @@ def plan_answer(result: PlanResult) -> Answer:
 
 
 def _sentence(result: PlanResult) -> str:
-    """Where and how tight."""
     surgery, several = result.plan.surgery, len(result.plan.surgery.plan.bundles) > 1
     each = result.best.choices[0].reshape(len(surgery.plan.bundles), -1)
     said = []
@@ -116,25 +108,23 @@ def _sentence(result: PlanResult) -> str:
             for footprint, place in ends
         ]  # fmt: skip
         said.append(f"{name}: " * several + f"{'; '.join(places)}; {choice[4]:.0f} N")
-    kept = "as planned"
+    what, kept = "Planned", "as planned"
     if result.optimum is not None:
+        what = "Optimum"
         kept = "all limits kept" if result.optimum.feasible else "not all limits can be kept"
-    what = "Optimum" if result.optimum is not None else "Planned"
     return f"{what}: {'. '.join(said)} at {surgery.fixation_deg:g} degrees ({kept})."
 
 
 def _assumptions(result: PlanResult) -> list[str]:
-    """What was assumed, a paragraph each."""
-    surgery, graft = result.plan.surgery, result.plan.graft
-    feet, extension = (surgery.tibia, surgery.femur), surgery.protocol.extension_deg
-    meshes = [one.bone for one in feet if one.surface is not None]
-    place = f"on the mesh of {' and '.join(meshes)}" if meshes else prose("plan.plane")
+    surgery, feet = result.plan.surgery, (result.plan.surgery.tibia, result.plan.surgery.femur)
+    extension, meshes = surgery.protocol.extension_deg, [x for x in feet if x.surface is not None]
+    place = f"on the mesh of {' and '.join(x.bone for x in meshes)}"
+    place = place if meshes else prose("plan.plane")
     axes = [f"{a:g} and {b:g} mm" for a, b in (x.semi_axes_mm for x in feet)]
     pairs = zip(surgery.plan.bundles, surgery.replaced, strict=True)
-    return paragraphs("plan.assumed", graft=graft.says, stiffness=f"{graft.stiffness_N_per_mm:g}",
-                      failure=f"{graft.failure_N:g}", source=graft.source, place=place,
-                      tibia=axes[0], femur=axes[1], count=len(extension), first=f"{extension[0]:g}",
-                      last=f"{extension[-1]:g}", window=surgery.window, knee=result.plan.own.name,
+    return paragraphs("plan.assumed", graft=result.plan.graft, place=place, axes=axes,
+                      count=len(extension), first=extension[0], last=extension[-1],
+                      window=surgery.window, knee=result.plan.own.name,
                       pairs="; ".join(f"{name} for {', '.join(own)}" for name, own in pairs))
 
 
@@ -144,19 +134,13 @@ def plan_doubts(result: PlanResult) -> list[str]:
     for row, name in enumerate(BEFORE):
         lost = np.unique(surgery.protocol.flexion_deg[~surgery.before.converged[row]])
         if len(lost):
-            said.append(
-                f"The {name} knee does not hold the load, or has no balance, at "
-                f"{', '.join(f'{x:g}' for x in lost)} degrees: its laxity there is not known."
-            )
+            said.append(prose("plan.lost", name=name, at=", ".join(f"{x:g}" for x in lost)))
     for name, found, row in variants(result):
         status = Status(int(found.status[row]))
         if status is not Status.BALANCED and not name.startswith("octagon"):
             said.append(f"Of the {'plan' if name == 'planned' else name}: {status.sentence}.")
     if result.optimum is not None and not result.optimum.feasible:
-        said.append(
-            "No choice was found that keeps all limits; the optimum is the one that misses them "
-            f"least, by {result.optimum.missed:.0%} of the worst."
-        )
+        said.append(prose("plan.missed", missed=result.optimum.missed))
     if result.front is not None and not result.has_front:
         said.append("No choice was found that keeps all limits: there is no front.")
     if len(lost := 1 + np.flatnonzero(~np.isfinite(result.octagon.total))):
@@ -166,8 +150,7 @@ def plan_doubts(result: PlanResult) -> list[str]:
 
 
 def plan_failed(result: PlanResult) -> bool:
-    """Whether the command ends with status 1: a knee that was asked for has no balance, or the
-    optimum misses a limit."""
+    """Whether a knee that was asked for has no balance, or the optimum misses a limit."""
     wanted = [result.planned] if result.optimum is None else [result.planned, result.best]
     lost = any(not Status(int(one.status[0])).converged for one in wanted)
     missed = result.optimum is not None and not result.optimum.feasible
@@ -200,14 +183,13 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "settings": plan.said, "seconds": result.seconds, "versions": versions,
     }  # fmt: skip
     if (own := result.intervals) is not None:
-        knees, parts = {}, [0.025, 0.5, 0.975]
-        for knee, kept, limits, known in zip(own.knees, own.kept, own.limits, own.known,
-                                             strict=True):  # fmt: skip
-            knees[knee] = {"limits_kept_in": kept, **dict(zip(own.quantities, limits, strict=True))}
-            known = zip(own.quantities, known, strict=True)
-            knees[knee] |= {f"{name}_known_in": count for name, count in known}
-        document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
-                                 "knees": knees}  # fmt: skip
+        counts, knees = [f"{name}_known_in" for name in own.quantities], {}
+        of_knees = zip(own.knees, own.kept, own.limits, own.known, strict=True)
+        for knee, kept, limits, known in of_knees:
+            knees[knee] = {"limits_kept_in": kept, **dict(zip(own.quantities, limits, strict=True)),
+                           **dict(zip(counts, known, strict=True))}  # fmt: skip
+        document["intervals"] = {"draws": own.draws, "parts": [0.025, 0.5, 0.975],
+                                 "held": list(plan.held), "knees": knees}  # fmt: skip
     if result.has_front and (front := result.front) is not None:
         document["front"] = {"criteria": list(front.names), "points": len(front.criteria),
                              "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
@@ -242,30 +224,28 @@ def knees_table(result: PlanResult) -> Table:
     surgery, before = result.plan.surgery, result.plan.surgery.before
     bundles, others = surgery.plan.bundles, len(surgery.ligaments)
     named = {"deficient": f"without {result.plan.ligament}"}
-    columns = [Column("knee", show=lambda name: named.get(name, name), words=True)]
+    columns = [Column("knee", show=lambda name: named.get(name, name))]
     for name in bundles:
-        columns += choice_columns(surgery, name)
-        columns.append(Column(f"{name}_slack_length_mm", shown=False))
         own = f"{name} " * (len(bundles) > 1)
-        columns.append(Column(f"{name}_length_change_mm", f"{own}length change, mm", "3"))
-    for angle in surgery.protocol.lachman_deg:
-        columns.append(Column(f"laxity_{angle:g}_deg_mm", f"laxity {angle:g} deg, mm", "3"))
-    columns.append(Column("graft_peak_N", "graft peak, N", "3"))
-    columns += [Column(f"strain_distance_{name}", shown=False) for name in surgery.ligaments]
-    columns.append(Column("strain_distance", show="3"))
-    columns.append(Column("status", show=lambda word: word.replace("_", " "), words=True))
-    rows: list[list[Any]] = []
-    for name, status, laxity in zip(BEFORE, before.status, surgery.laxity(before), strict=True):
-        rows.append([name, *[np.nan] * (7 * len(bundles)), *laxity, *[np.nan] * (2 + others),
-                     Status(int(status.max())).word])  # fmt: skip
+        columns += [*choice_columns(surgery, name), Column(f"{name}_slack_length_mm", shown=False),
+                    Column(f"{name}_length_change_mm", f"{own}length change, mm", "3")]
+    columns += [*(Column(f"laxity_{x:g}_deg_mm", f"laxity {x:g} deg, mm", "3")
+                  for x in surgery.protocol.lachman_deg),
+                Column("graft_peak_N", "graft peak, N", "3"),
+                *(Column(f"strain_distance_{name}", shown=False) for name in surgery.ligaments),
+                Column("strain_distance", show="3"),
+                Column("status", show=lambda word: word.replace("_", " "))]  # fmt: skip
+    rows: list[list[Any]] = [
+        [name, *[np.nan] * (7 * len(bundles)), *laxity, *[np.nan] * (2 + others),
+         Status(int(status.max())).word]
+        for name, status, laxity in zip(BEFORE, before.status, surgery.laxity(before), strict=True)
+    ]  # fmt: skip
     for name, found, row in variants(result):
         each = found.choices[row].reshape(len(bundles), -1)
         own = [x for k in range(len(bundles))
                for x in (*each[k], found.slack_mm[row, k], found.isometry_mm[row, k])]  # fmt: skip
-        rows.append(
-            [name, *own, *found.laxity_mm[row], found.peak_N[row], *found.distance[row],
-             found.total[row], Status(int(found.status[row])).word]
-        )  # fmt: skip
+        rows.append([name, *own, *found.laxity_mm[row], found.peak_N[row], *found.distance[row],
+                     found.total[row], Status(int(found.status[row])).word])  # fmt: skip
     return Table(columns, rows)
 
 
@@ -294,12 +274,11 @@ def curves_table(result: PlanResult) -> Table:
                                           followed.strain[row, motion, k],
                                           followed.tension_N[row, motion, k], strict=True)
     ]  # fmt: skip
-    return Table.plain(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
+    return Table(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
 
 
 def front_tables(result: PlanResult) -> tuple[Table, list[Table]]:
-    """Criteria and choices of a front by strain distance, the compromise marked; and for people its
-    ends and the compromise, where it is not empty."""
+    """Criteria and choices of a front; and for people its ends and the compromise."""
     front, surgery = result.front, result.plan.surgery
     assert front is not None
     names = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
@@ -314,13 +293,11 @@ def front_tables(result: PlanResult) -> tuple[Table, list[Table]]:
             for one, k in zip(criteria, np.argmin(front.criteria, axis=0), strict=True)}
     rows = [[name, *cells[k]] for name, k in (ends | {"compromise": front.compromise}).items()]
     note = prose("plan.front", count=len(front.criteria), tried=front.evaluations)
-    columns = [Column("best_in", words=True), *criteria, *choices]
-    return whole, [Table(columns, rows, "Best choices by criterion", note)]
+    return whole, [Table(["best_in", *criteria, *choices], rows, "Best choices by criterion", note)]
 
 
 def interval_tables(result: PlanResult) -> list[Table]:
-    """Medians with 95 % intervals over the knees that a calibration leaves possible, if it is known
-    which."""
+    """Medians with 95 % intervals over the knees that a calibration leaves possible, if known."""
     own, surgery = result.intervals, result.plan.surgery
     if own is None:
         return []
@@ -338,7 +315,7 @@ def interval_tables(result: PlanResult) -> list[Table]:
     note = prose("plan.intervals", draws=own.draws)
     if result.plan.held:
         note += " " + prose("plan.held", names=", ".join(result.plan.held))
-    columns = [Column("knee", words=True), *map(Column, names), Column("limits_kept_in")]
+    columns = ["knee", *(Column(name, words=False) for name in (*names, "limits_kept_in"))]
     return [Table(columns, rows, "Over the knees that the calibration leaves possible", note)]
 
 
@@ -355,9 +332,9 @@ def exactness_table(result: PlanResult) -> Table:
         rows.append([one.bone, one.bundle, way, far, one.expected_mm, one.lachman_deg, one.slope])
     what = "optimum" if result.optimum is not None else "plan"
     return Table(
-        [Column("tunnel", words=True), Column("bundle", words=True), Column("towards", words=True),
-         Column("off_by_mm", "off by, mm"), Column("by_derivative_mm", show=".1f"),
-         Column("laxity_at_deg", show="g"), Column("laxity_per_mm", "laxity a mm, mm", ".2f")],
+        ["tunnel", "bundle", "towards", Column("off_by_mm", words=False),
+         Column("by_derivative_mm", show=".1f"), Column("laxity_at_deg", show="g"),
+         Column("laxity_per_mm", "laxity a mm, mm", ".2f")],
         rows,
         f"How exact must a tunnel be? Distance from the {what} at which laxity leaves its band "
         f"first ({band:g} mm about that of the intact knee)",

@@ -36,9 +36,28 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
     rows = -(-(len(shown) + 1) // 3)
     figure, panels = grid(rows, 3, 2.15 * rows + 0.35, shown=len(shown) + 1, constrained=True)
     _bone_panel(panels.flat[0], result, found)
+    right, up = _across(found.bone)
+    x, y = (found.first, found.second)[right], (found.first, found.second)[up]
+    over = np.nan_to_num(found.excess if right == 0 else found.excess.T, posinf=1.0)
     for axes, (title, values) in zip(panels.flat[1:], shown, strict=False):
         axes.set_title(title)
-        _map_panel(figure, axes, found, values)
+        axes.set_facecolor("#D8DADC")
+        drawn = values if right == 0 else values.T
+        known = drawn[np.isfinite(drawn)]
+        if known.size and np.ptp(known) > 0:
+            # A few steep corners would leave the rest without colours.
+            low, high = float(known.min()), float(np.quantile(known, 0.95))
+            levels = MaxNLocator(10).tick_values(low, high if high > low else float(known.max()))
+            filled = axes.contourf(x, y, drawn, levels, cmap="viridis", extend="both")
+            bar = figure.colorbar(filled, ax=axes, fraction=0.05, pad=0.03)
+            bar.ax.tick_params(labelsize=7)
+            bar.set_ticks(list(levels[::2]))
+        if (over > 0).any():
+            missed = axes.contourf(x, y, over, [0.0, np.inf], colors="none", hatches=["////"])
+            missed.set_edgecolor("#FFFFFF90")
+            missed.set_linewidth(0.0)
+            axes.contour(x, y, over, [0.0], colors="white", linewidths=0.7)
+        _axes(axes, found, (x.min(), x.max()), (y.min(), y.max()))
         _marks(axes, result, found)
     hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
     drawn = labelled(*figure.axes) | {"a limit is missed": hatched}
@@ -50,29 +69,6 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
 def _across(bone: str) -> tuple[int, int]:
     """Which coordinate goes to the right, which upwards."""
     return (1, 0) if bone == TIBIA else (0, 1)
-
-
-def _map_panel(figure: Figure, axes: Axes, found: TunnelMap, values: np.ndarray) -> None:
-    right, up = _across(found.bone)
-    x, y = (found.first, found.second)[right], (found.first, found.second)[up]
-    drawn, over = (one if right == 0 else one.T for one in (values, found.excess))
-    axes.set_facecolor("#D8DADC")
-    known = drawn[np.isfinite(drawn)]
-    if known.size and np.ptp(known) > 0:
-        # A few steep corners would leave the rest without colours.
-        low, high = float(known.min()), float(np.quantile(known, 0.95))
-        levels = MaxNLocator(10).tick_values(low, high if high > low else float(known.max()))
-        filled = axes.contourf(x, y, drawn, levels, cmap="viridis", extend="both")
-        bar = figure.colorbar(filled, ax=axes, fraction=0.05, pad=0.03)
-        bar.ax.tick_params(labelsize=7)
-        bar.set_ticks(list(levels[::2]))
-    over = np.nan_to_num(over, posinf=1.0)
-    if (over > 0).any():
-        hatched = axes.contourf(x, y, over, [0.0, np.inf], colors="none", hatches=["////"])
-        hatched.set_edgecolor("#FFFFFF90")
-        hatched.set_linewidth(0.0)
-        axes.contour(x, y, over, [0.0], colors="white", linewidths=0.7)
-    _axes(axes, found, (x.min(), x.max()), (y.min(), y.max()))
 
 
 def _marks(axes: Axes, result: PlanResult, found: TunnelMap, small: bool = False) -> None:

@@ -34,35 +34,27 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
             measured[:, k + 1] += np.nanmean(apart)
     header = ["parameter", "value", "unit", "step", "flexion_deg"]
     header += [f"{column}_per_{per}" for per in ("unit", "step") for column in COLUMNS[1:]]
-    tables = {
-        "sweeps": Table.plain(
-            ["parameter", "value", "flexion_deg", *COLUMNS[1:], "status", "unphysiological"],
-            [
-                [one.name, value, angle, *one.table[i, j], Status(one.status[i, j]).word,
-                 one.unphysiological[i, j]]
-                for one in sweeps.sweeps
-                for i, value in enumerate(one.values)
-                for j, angle in enumerate(sweeps.flexion_deg)
-            ],
-        ),
-        "local_sensitivity": Table.plain(
-            [*header, "status"],
-            [
-                [name, local.values[i], local.units[i], local.widths[i], angle,
-                 *local.derivative[j, :, i], *local.scaled[j, :, i], Status(local.status[j]).word]
-                for i, name in enumerate(local.names)
-                for j, angle in enumerate(local.flexion_deg)
-            ],
-        ),
-    }  # fmt: skip
+    slopes = [
+        [name, local.values[i], local.units[i], local.widths[i], angle, *local.derivative[j, :, i],
+         *local.scaled[j, :, i], Status(local.status[j]).word]
+        for i, name in enumerate(local.names) for j, angle in enumerate(local.flexion_deg)
+    ]  # fmt: skip
+    poses = [
+        [one.name, value, angle, *one.table[i, j], Status(one.status[i, j]).word,
+         one.unphysiological[i, j]]
+        for one in sweeps.sweeps for i, value in enumerate(one.values)
+        for j, angle in enumerate(sweeps.flexion_deg)
+    ]  # fmt: skip
+    swept = ["parameter", "value", "flexion_deg", *COLUMNS[1:], "status", "unphysiological"]
+    tables = {"sweeps": Table(swept, poses),
+              "local_sensitivity": Table([*header, "status"], slopes)}  # fmt: skip
     main, method, over_flexion = [_ranked_table(local)], found.question.indices, ["local_curves"]
-    drawings = {
-        f"sweep_{one.name.replace('.', '_')}": Drawing(
+    drawings = {}
+    for one in sweeps.sweeps:
+        drawings[f"sweep_{one.name.replace('.', '_')}"] = Drawing(
             figures.sweep_figure, sweeps, one.name, measured, bool(offsets),
             more=f"Motion over {one.name}.",
-        )
-        for one in sweeps.sweeps
-    }
+        )  # fmt: skip
     every_sweep = list(drawings)
     drawings["local_curves"] = Drawing(figures.local_curves_figure, local)
     drawings["local_heatmap"] = Drawing(figures.local_heatmap_figure, local)
@@ -84,20 +76,16 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         one = indices.indices
         columns = {**one.measures}
         columns |= {f"{name}_half_width": half for name, half in one.half_widths.items()}
-        tables["global_indices"] = Table.plain(
-            ["method", "output", "coordinate", "flexion_deg", "unit", "parameter", "lower", "upper",
-             *columns],
-            [
-                [one.method, output.name, output.coordinate, output.flexion_deg, output.unit, name,
-                 one.lower[i], one.upper[i], *(values[k, i] for values in columns.values())]
-                for k, output in enumerate(indices.outputs)
-                for i, name in enumerate(one.names)
-            ],
-        )  # fmt: skip
+        rows = [
+            [one.method, output.name, output.coordinate, output.flexion_deg, output.unit, name,
+             one.lower[i], one.upper[i], *(values[k, i] for values in columns.values())]
+            for k, output in enumerate(indices.outputs) for i, name in enumerate(one.names)
+        ]  # fmt: skip
+        tables["global_indices"] = Table(["method", "output", "coordinate", "flexion_deg", "unit",
+                                          "parameter", "lower", "upper", *columns], rows)
         names = ("method", "confidence", "runs", "failed", "blocks", "left_out", "treatment")
-        document["global"] = {name: getattr(one, name) for name in names} | {
-            "flexion_deg_left_out": indices.left_out_deg,
-        }
+        document["global"] = {name: getattr(one, name) for name in names}
+        document["global"]["flexion_deg_left_out"] = indices.left_out_deg
         packages |= {"SALib": importlib.metadata.version("SALib")}
         main.append(_index_table(indices))
         drawings[f"{method}_fit"] = Drawing(figures.fit_indices_figure, indices)
@@ -107,10 +95,9 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
     lost = not converged(np.maximum(local.status, sweeps.status)).any()
     return Answer(
         title=f"{study.title} (knee {study.knee.name})",
-        asked=f"How does the motion change with each of {len(local.names)} parameters, at "
-        f"{len(local.flexion_deg)} angles from {local.flexion_deg.min():g} to "
-        f"{local.flexion_deg.max():g} degrees of flexion?",
-        verdict=Verdict.FAILED if lost else Verdict.DOUBTFUL if doubts else Verdict.GOOD,
+        asked=prose("sensitivity", count=len(local.names), angles=len(local.flexion_deg),
+                    first=local.flexion_deg.min(), last=local.flexion_deg.max()),
+        verdict=Verdict.FAILED if lost else None,
         sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
         drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
         sections=[Section("Over flexion", drawings=over_flexion),
@@ -123,11 +110,7 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
 def sensitivity_doubts(
     local: LocalSensitivity, sweeps: Sweeps, found: MotionIndices | None = None
 ) -> list[str]:
-    """What casts doubt on the results, a sentence each; empty if nothing does.
-
-    Dislocation at the extremes of a sweep is a result. Dislocation at the nominal values, or in
-    much of the ranges of global indices, is a doubt.
-    """
+    """Doubts on the results; dislocation is one at the nominal values only, not over a sweep."""
     doubts = []
     # Derivatives and sweeps share their poses; either may have lost one.
     status = np.maximum(local.status, sweeps.status)
@@ -152,7 +135,6 @@ def _ranked(local: LocalSensitivity) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
-    """Who moves the knee most, and who decides the fit."""
     (slopes, rows), shares, order = local.largest(), *_ranked(local)
     said = []
     for i in order[:2]:
@@ -160,10 +142,9 @@ def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
         # Of coordinates on which it has the largest effect of all, the one that changes most.
         c = int(np.where(share > 0.99 * share.max(), np.abs(slopes[:, i]), 0.0).argmax())
         coordinate = COORDINATES[FREE_COORDINATES[c]]
-        said.append(
-            f"{local.names[i]} ({coordinate.label.lower()} {slopes[c, i]:+.2f} {coordinate.unit} "
-            f"at {local.flexion_deg[rows[c, i]]:g} degrees of flexion)"
-        )
+        size = f"{coordinate.label.lower()} {slopes[c, i]:+.2f} {coordinate.unit}"
+        at = local.flexion_deg[rows[c, i]]
+        said.append(f"{local.names[i]} ({size} at {at:g} degrees of flexion)")
     sentence = f"The knee moves most with {', then with '.join(said)}, for {_STEP[local.scale]}."
     if found is not None:
         share = next(iter(found.indices.measures.values()))[found.row("")]
@@ -178,22 +159,20 @@ def _ranked_table(local: LocalSensitivity) -> Table:
     (slopes, rows), order = local.largest(), _ranked(local)[1][:_MOST_ROWS]
     most, hidden = np.abs(slopes).argmax(axis=1), len(local.names) - len(order)
     columns: dict[Any, Any] = {
-        Column("parameter", words=True): [local.names[i] for i in order],
-        Column("step"): [f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip() for i in order],
-    }
+        "parameter": [local.names[i] for i in order],
+        Column("step", words=False):
+            [f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip() for i in order],
+    }  # fmt: skip
     for name in SHOWN:
-        c, head = figures.FREE_COLUMN[name], f"{HEADS[name]}, {COORDINATES[name].unit}"
-        columns[Column(name, head)] = [
+        c, head = FREE_COORDINATES.index(name), f"{HEADS[name]}, {COORDINATES[name].unit}"
+        columns[Column(name, head, words=False)] = [
             f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
             + ("*" if most[c] == i else " ")
             for i in order
         ]
-    return Table.of(
-        columns, "Effect of each parameter, the largest first",
-        "Largest change of each coordinate when the parameter grows by a step, "
-        f"{_STEP[local.scale]}, and the flexion where it occurs; * the largest of a column."
-        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""), spare=("step",),
-    )  # fmt: skip
+    note = prose("sensitivity.ranked", step=_STEP[local.scale])
+    note += f" {hidden} more in local_sensitivity.csv." if hidden else ""
+    return Table.of(columns, "Effect of each parameter, the largest first", note, spare=("step",))
 
 
 def swept_table(sweeps: Sweeps) -> Table:
@@ -238,12 +217,10 @@ def _index_table(found: MotionIndices) -> Table:
         decides = "all errors" if len(names) == len(SHOWN) else ", ".join(names)
         rows.append([indices.names[i], limits, *shown, decides])
     return Table(
-        [Column("parameter", words=True), Column("range", words=True), Column(main, show="3"),
-         Column("half_width", show="2"), Column(other, show="3"),
-         Column("largest_for", words=True)],
+        ["parameter", "range", Column(main, show="3"), Column("half_width", show="2"),
+         Column(other, show="3"), "largest_for"],
         rows,
-        f"{indices.method.capitalize()} indices of the objective ({indices.runs} motions, "
-        f"{100 * indices.confidence:g} % intervals by half width), and the coordinates whose error "
-        "each parameter decides most",
+        prose("sensitivity.indices", method=indices.method.capitalize(), runs=indices.runs,
+              percent=100 * indices.confidence),
         f"{indices.treatment}." if indices.treatment else "",
     )  # fmt: skip

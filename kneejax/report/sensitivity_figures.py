@@ -7,7 +7,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from kneejax.geometry import COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
 from kneejax.report import panels as draw
 from kneejax.report.look import colours
@@ -16,8 +16,6 @@ from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
 from kneejax.report.look.tables import trimmed
 from kneejax.statics import Status, converged
 
-#: Free coordinate -> column of a table without flexion.
-FREE_COLUMN = {name: i - 1 for i, name in enumerate(COORDINATES)}
 _OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
 #: Poses that are not drawn as if they were fine: legend entry, dashes of the line, marker.
 _DOUBTFUL = {"outside fitted surfaces": ((0, (3, 1.2)), ""),
@@ -40,8 +38,7 @@ _AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's 
 
 
 def faults_of(sweep: Sweep) -> tuple[np.ndarray, ...]:
-    """Poses outside fitted surfaces, with a fibre torn or its way wrong, not those of a knee,
-    unstable, and without a balance."""
+    """Outside surfaces, of fibres, not those of a knee, unstable, without a balance."""
     strange = sweep.unphysiological | (sweep.status == Status.DISLOCATED)
     return (sweep.status == Status.OUTSIDE_REGION, np.isin(sweep.status, _OF_FIBRES), strange,
             sweep.status == Status.UNSTABLE, ~converged(sweep.status))  # fmt: skip
@@ -77,7 +74,7 @@ def sweep_figure(
     given = "measured, moved onto the knee itself" if moved else "measured"
     own = f"the knee itself ({f'{trimmed(sweep.own)} {sweep.unit}'.strip()})"
     for coordinate, axes in panels.items():
-        column = FREE_COLUMN[coordinate]
+        column = FREE_COORDINATES.index(coordinate)
         for i, value in enumerate(sweep.values):
             # Solid where it is sound, otherwise in the dashes of what is wrong.
             y, colour = sweep.table[i, :, column], scale.to_rgba(value)
@@ -146,7 +143,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
         axes.set_title(f"{COORDINATES[coordinate].axis_label} {_PER[local.scale]}")
         axes.axhline(0.0, color=GREY, linewidth=0.7)
         for i, (colour, quantity) in zip(shown, styles, strict=True):
-            slope = local.scaled[:, FREE_COLUMN[coordinate], i]
+            slope = local.scaled[:, FREE_COORDINATES.index(coordinate), i]
             (drawn[readable(local.names[i])],) = axes.plot(
                 local.flexion_deg, slope, color=colour, linestyle=_DASHES[quantity % len(_DASHES)]
             )
@@ -184,9 +181,9 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     scales: dict[str, Any] = {}
     for coordinate, axes in panels.items():
         unit = COORDINATES[coordinate].unit
-        alike = [FREE_COLUMN[c] for c in SHOWN if COORDINATES[c].unit == unit]
+        alike = [FREE_COORDINATES.index(c) for c in SHOWN if COORDINATES[c].unit == unit]
         limit = float(np.nan_to_num(np.abs(local.scaled[:, alike])).max()) or 1.0
-        slopes = local.scaled[:, FREE_COLUMN[coordinate], shown].T
+        slopes = local.scaled[:, FREE_COORDINATES.index(coordinate), shown].T
         scales[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
                                         vmin=-limit, vmax=limit)  # fmt: skip
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):

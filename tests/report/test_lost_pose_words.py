@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.geometry import PATELLA, TIBIA, free_of
-from kneejax.report.doubts import _of_lost
+from kneejax.report.pose_tables import _of_lost
 from kneejax.statics import Status
 
 

@@ -19,7 +19,7 @@ from kneejax.mechanics import (
     displacement,
     load_of,
 )
-from kneejax.report.doubts import pose_words
+from kneejax.report.pose_tables import pose_words
 from kneejax.statics import LoadCases, Status, balance_one
 from kneejax.statics._newton import look
 

@@ -28,13 +28,7 @@ _DASHES = ("-", "--", ":", "-.")
 
 
 def part_styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Colour and dashes of each ligament: a colour for each structure, dashes for its bundles.
-
-    Example:
-        >>> part_styles(["aACL", "pACL"])
-        {'aACL': {'color': '#D55E00', 'linestyle': '-'}, 'pACL': {'color': '#D55E00', \
-'linestyle': '--'}}
-    """
+    """Colour and dashes of each ligament: a colour for each structure, dashes for its bundles."""
     styles: dict[str, dict[str, Any]] = {}
     seen: dict[str, int] = {}
     for name in names:
@@ -62,8 +56,7 @@ def shades(count: int, last: float = 0.92) -> Any:
 
 
 def uniform_colours():
-    """A scale from dark (low) to bright (high) in steps that look alike, also in grey and to the
-    colour-blind: part of viridis, which ends before the yellow that is lost on white paper."""
+    """Part of viridis, without the yellow that is lost on white paper."""
     from matplotlib.colors import ListedColormap
 
     return ListedColormap(shades(256, 0.9))

@@ -31,13 +31,7 @@ class Verdict(enum.Enum):
 
 
 class Drawing:
-    """A figure of an answer; its caption is that of the function in `templates/prose.toml`.
-
-    Args:
-        figure: a function that draws it; called once, when the answer is written.
-        given: its arguments, also by name.
-        more: a sentence that the caption ends with.
-    """
+    """A figure, drawn once its answer is written; templates/prose.toml has its caption."""
 
     def __init__(self, figure: Callable[..., Figure], *given: Any, more: str = "", **named: Any):
         self.draw: Callable[[], Figure] = functools.partial(figure, *given, **named)
@@ -46,15 +40,9 @@ class Drawing:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """What stands below the first screen, folded until somebody opens it.
+    """What stands below the first screen, folded unless `opened`; a terminal shows it if `printed`.
 
-    Attributes:
-        title: of the section, in a few words.
-        text: paragraphs of plain text.
-        tables: of `Answer.tables`, by name, or tables of the page alone.
-        drawings: of `Answer.drawings`, by name.
-        opened: whether it stands open.
-        printed: whether a terminal shows its text and tables too.
+    Tables are those of the answer, by name, or of the page alone; drawings are the answer's.
     """
 
     title: str

@@ -52,10 +52,7 @@ def json_safe(value: Any) -> Any:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Write a number with so many significant digits, without needless exponents.
-
-    NaN and None become a dash; whole digits before the point are never dropped.
-    """
+    """So many significant digits, no needless exponents; a dash for NaN and None."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -170,26 +167,17 @@ def wrapped(text: str, first: str = "") -> list[str]:
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table: its name in files, with its unit, and the heading for people.
 
-    Attributes:
-        name: in CSV and JSON, with its unit, e.g. `force_N`.
-        label: heading for people; the name in words where it is empty.
-        show: how people read a cell: a format such as `.2f`, a count of significant digits such as
-            `3`, or a function. Four digits by default; whole numbers stand as they are, None and
-            NaN are a dash, and what rounds to zero has no sign.
-        words: whether cells are words, to the left; numbers stand to the right.
-        shown: whether people see it; what is not shown is in files only.
-
-    Example:
-        >>> [Column("anterior_mm", show=".1f").text(x) for x in (-0.02, -0.2, float("nan"))]
-        ['0.0', '-0.2', '-']
+    `show` is a format such as `.2f`, a count of significant digits, or a function; whole numbers
+    stand as they are, None and NaN are a dash. `words` stand to the left, numbers to the right: by
+    default where all cells are words. What is not `shown` is in files only.
     """
 
     name: str
     label: str = ""
     show: Callable[[Any], str] | str = "4"
-    words: bool = False
+    words: bool | None = None
     shown: bool = True
 
     @property
@@ -220,7 +208,7 @@ class Table:
     """Rows under declared columns.
 
     Attributes:
-        columns: in order.
+        columns: in order, or their names.
         rows: cells in the order of the columns.
         title: above the table on a page.
         note: one sentence under the table: what its numbers hold for.
@@ -229,7 +217,7 @@ class Table:
 
     Example:
         >>> force = Column("force_N", "Force, N", ".0f")
-        >>> forces = Table((Column("ligament", words=True), force), [["ACL", 12.3], ["PCL", 104.0]])
+        >>> forces = Table(("ligament", force), [["ACL", 12.3], ["PCL", 104.0]])
         >>> print(forces.terminal())
         ligament  Force
                       N
@@ -239,11 +227,19 @@ class Table:
         {'ligament': 'ACL', 'force_N': 12.3}
     """
 
-    columns: Sequence[Column]
+    columns: Sequence[Any]
     rows: Sequence[Sequence[Any]]
     title: str = ""
     note: str = ""
     spare: Sequence[str] = ()
+
+    def __post_init__(self):
+        columns = [Column(one) if isinstance(one, str) else one for one in self.columns]
+        for i, one in enumerate(columns):
+            if one.words is None:
+                words = all(isinstance(cell, str) for row in self.rows for cell in row[i : i + 1])
+                columns[i] = dataclasses.replace(one, words=words and bool(self.rows))
+        vars(self)["columns"] = columns
 
     @classmethod
     def of(
@@ -275,19 +271,10 @@ class Table:
             flat |= {name: part.tolist() for name, part in zip(key, parts, strict=True)}
         count = next((len(x) for x in flat.values() if isinstance(x, list)), 1)
         lists = {key: x if isinstance(x, list) else [x] * count for key, x in flat.items()}
-        heads = [
-            key if isinstance(key, Column) else
-            Column(key, *(show or {}).get(key, ()), shown=show is None or key in show,
-                   words=bool(x) and all(isinstance(cell, str) for cell in x))
-            for key, x in lists.items()
-        ]  # fmt: skip
-        return cls(heads, [list(row) for row in zip(*lists.values(), strict=True)], title, note,
-                   spare)  # fmt: skip
-
-    @classmethod
-    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Self:
-        """A table by its rows, under the names of its columns; `about` are title and note."""
-        return cls([*map(Column, names)], rows, *about)
+        heads = [key if isinstance(key, Column) else
+                 Column(key, *(show or {}).get(key, ()), shown=show is None or key in show)
+                 for key in lists]  # fmt: skip
+        return cls(heads, [[*row] for row in zip(*lists.values(), strict=True)], title, note, spare)
 
     @property
     def names(self) -> list[str]:
@@ -338,6 +325,5 @@ class Table:
 
 
 def _cells(values: Any) -> Any:
-    """A list of cells, or the one that all rows have."""
     values = values.tolist() if hasattr(values, "tolist") else values
     return list(values) if np.iterable(values) and not isinstance(values, str) else values

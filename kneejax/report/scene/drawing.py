@@ -4,6 +4,7 @@ as one HTML page that turns and bends, and needs no network."""
 import html
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import Any
 from unittest.mock import patch
 
@@ -34,9 +35,8 @@ _OF_MANY = 0.6
 _SHARES = (0.62, 0.38)
 #: What 100 N, or 10 N m, are drawn as, and the longest arrow, mm.
 _PER_100_MM, _LONGEST_MM = 25.0, 60.0
-#: Axis of the scene along which each load acts, its sign, and whether it is a moment.
-_LOADS = {"anterior_N": (0, 1.0), "compression_N": (1, 1.0), "lateral_N": (2, 1.0),
-          "varus_Nm": (0, 1.0), "internal_Nm": (1, 1.0)}  # fmt: skip
+#: Axis of the scene along which each load acts.
+_LOADS = {"anterior_N": 0, "compression_N": 1, "lateral_N": 2, "varus_Nm": 0, "internal_Nm": 1}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -45,20 +45,19 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 class Drawing:
-    """A scene on the screen: one for all pages of a server.
-
-    Attributes:
-        words: whether ligaments are labelled.
-        strain: strain at the end of the colours.
-        pressure: likewise, MPa.
-    """
+    """A scene on the screen; `words`: labels; `strain` and `pressure`: ends of the colours."""
 
     def __init__(self, viser_scene: Any, clicked: Callable[[str], None] | None = None,
                  strain: float = 0.08, pressure: float = 8.0):  # fmt: skip
-        """An empty view with lights, of a `viser.ViserServer`'s scene; `clicked` is called with the
-        name of a ligament's fibre."""
+        """An empty view with lights; `clicked` is called with a fibre's name."""
         self.words, self.strain, self.pressure = True, strain, pressure
-        self._scene, self._clicked = viser_scene, clicked
+        self._clicked = clicked
+        self._frame = partial(viser_scene.add_frame, show_axes=False)
+        self._mesh = partial(viser_scene.add_mesh_simple, side="double", cast_shadow=False)
+        self._label = partial(viser_scene.add_label, font_screen_scale=_WORDS,
+                              anchor="center-center")  # fmt: skip
+        self._arrow = partial(viser_scene.add_arrows, shaft_radius=0.7, head_radius=1.8,
+                              head_length=4.0)  # fmt: skip
         self._made: dict[str, tuple[Any, dict[str, Any]]] = {}
         self._shown: set[str] = set()
         self._grey = False
@@ -69,18 +68,17 @@ class Drawing:
         self, scene: Scene, loads: Mapping[str, float] | None = None, ghost: Scene | None = None,
         stale: bool = False, gone: Collection[str] = (),
     ) -> None:  # fmt: skip
-        """Draw a pose under loads by name, its `ghost` in thin blue lines; all in grey where it is
-        `stale`, of another setting; fibres that are `gone` are cut."""
+        """Draw a pose, a `ghost` in thin lines; grey where it is `stale`; cut what is `gone`."""
         self._shown, self._grey = set(), stale
         for bone, (turn, shift) in scene.places.items():
             w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
             self._keep(f"/{bone}", self._frame, wxyz=w, position=tuple(shift))
         for i, x in enumerate(scene.bones, 1):
             self._surface(scene, x, f"bone {i}", rendering.BONE, rendering.BONE_OPACITY[x.bone])
-        for i, x in enumerate(scene.condyles, 1):
-            self._surface(scene, x, f"cartilage {x.name or i}", _CONDYLE, 0.6)
+        for x in scene.condyles:
+            self._surface(scene, x, f"cartilage {x.name}", _CONDYLE, 0.6)
         for i, x in enumerate(scene.obstacles, 1):
-            self._surface(scene, x, f"wrap {x.name or i}", rendering.OBSTACLE, 0.13)
+            self._surface(scene, x, f"wrap {i}", rendering.OBSTACLE, 0.13)
         for x in scene.plateaus:
             bands = rendering.pressure_bands(x, self.pressure, BANDS)
             for i, (colour, faces) in enumerate(bands):
@@ -118,26 +116,11 @@ class Drawing:
         self._made[name] = handle, before | props
         return handle
 
-    def _frame(self, name: str, **props: Any) -> Any:
-        return self._scene.add_frame(name, show_axes=False, **props)
-
-    def _mesh(self, name: str, **props: Any) -> Any:
-        return self._scene.add_mesh_simple(name, side="double", cast_shadow=False, **props)
-
-    def _label(self, name: str, **props: Any) -> Any:
-        more = {"font_screen_scale": _WORDS, "anchor": "center-center"}
-        return self._scene.add_label(name, **more, **props)
-
-    def _arrow(self, name: str, **props: Any) -> Any:
-        return self._scene.add_arrows(name, shaft_radius=0.7, head_radius=1.8, head_length=4.0,
-                                      **props)  # fmt: skip
-
     def _surface(
         self, scene: Scene, part: Any, name: str, colour: str, opacity: float | None = None, *,
         some: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        """A mesh on its bone, with all or some faces; the bone moves it: its own points are sent
-        once."""
+        """A mesh on its bone, which moves it: its own points are sent once."""
         faces = part.faces if some is None else some
         if not len(faces):
             return
@@ -197,14 +180,13 @@ class Drawing:
         for name, size in loads.items():
             if not size:
                 continue
-            axis, sign = _LOADS[name]
-            unit = 10.0 if name.endswith("Nm") else 100.0
-            way = np.zeros(3)
-            way[axis] = sign * (scene.lateral if axis == 2 or unit == 10.0 else 1.0)
-            long = np.clip(_PER_100_MM * size / unit, -_LONGEST_MM, _LONGEST_MM)
-            start = middle - (way * long if axis == 1 and unit == 100.0 else 0.0)
-            arrow = np.array([[start, start + way * long]], np.float32)
-            colour = rendering.MUSCLE if unit == 10.0 else _LOAD
+            axis, is_moment, way = _LOADS[name], name.endswith("Nm"), np.zeros(3)
+            way[axis] = scene.lateral if axis == 2 or is_moment else 1.0
+            long = _PER_100_MM * size / (10.0 if is_moment else 100.0)
+            along = way * np.clip(long, -_LONGEST_MM, _LONGEST_MM)
+            start = middle - along * (axis == 1 and not is_moment)
+            arrow = np.array([[start, start + along]], np.float32)
+            colour = rendering.MUSCLE if is_moment else _LOAD
             self._keep(f"/loads/{name}", self._arrow, points=arrow, colors=rgb(colour))
             self._keep(f"/loads/{name} words", self._label, text=NAMED_LOADS[name].words(size),
                        position=tuple(map(float, arrow[0, 1])))  # fmt: skip

@@ -164,10 +164,7 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
 
 
 def _one_palette(pictures: list[Any]) -> Any:
-    """256 colours for all pictures: white, both scales in fine steps, and what some have most of.
-
-    A palette of one picture alone gives the others bands.
-    """
+    """256 colours for all: white, both scales in fine steps, what some pictures have most of."""
     from PIL import Image
 
     scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
@@ -214,12 +211,7 @@ def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
 
 
 def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[float]:
-    """Heights near the wanted ones, at least a gap from each other and between two heights.
-
-    Example:
-        >>> [round(y, 2) for y in _apart([0.0, 0.1, 5.0], -6.0, 6.0, 1.0)]
-        [-0.45, 0.55, 5.0]
-    """
+    """Heights near the wanted ones, in order and at least a gap apart, between two heights."""
     order, apart = np.argsort(wanted, kind="stable"), gap * np.arange(len(wanted))
     answer = np.asarray(wanted, float)
     if len(answer):
@@ -279,6 +271,5 @@ def _head(figure: Figure, text: str, scene: Scene) -> None:
     keys = [("wrap obstacles", rendering.OBSTACLE)] if scene.obstacles else []
     keys += [("quadriceps", rendering.MUSCLE)] if any(x.is_muscle for x in scene.fibres) else []
     for k, (words, colour) in enumerate(keys):
-        right = 1 - (0.1 + _KEY * k) / page
-        place = {"ha": "right", "va": "top", "fontsize": 8, "color": colour}
-        figure.text(right, 1 - 0.08 / height, f"\u25a0 {words}", **place)
+        figure.text(1 - (0.1 + _KEY * k) / page, 1 - 0.08 / height, f"\u25a0 {words}", ha="right",
+                    va="top", fontsize=8, color=colour)  # fmt: skip

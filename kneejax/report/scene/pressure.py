@@ -24,23 +24,17 @@ from kneejax.report.scene.surfaces import lots, remembered, state_of, surface_gr
 PRESSURE_COLOURS = "YlOrRd"
 _GROUND = "#ECEEF0"
 _MOST_PANELS = 12
+#: Pressures at which contours are drawn, as parts of the largest.
+_LINES = np.linspace(0.2, 0.8, 4)
 
 
 @dataclasses.dataclass(frozen=True)
 class PlateauPressure:
-    """Pressure over one tibial surface, or over the patella's, at poses.
+    """Pressure over one tibial surface, or over the patella's, at poses, in the bone's frame.
 
+    `points_mm` `(m, n, 3)`; `pressure_MPa` `(poses, m, n)`, NaN where a law has no answer;
+    `center_mm` of pressure `(poses, 3)`; where there is cartilage, `(m, n)`, and its border.
     A left knee is given as the left knee that it is: Z points to the person's right.
-
-    Attributes:
-        name: of the compartment.
-        bone: whose surface it is.
-        points_mm: grid on the surface in the bone's frame, `(m, n, 3)`.
-        pressure_MPa: `(poses, m, n)`; zero where the surfaces are apart, NaN where a law has no
-            answer (overlap beyond the layer).
-        center_mm: centre of pressure in the bone's frame, `(poses, 3)`; NaN without contact.
-        covered: whether there is cartilage at a point of the grid, `(m, n)`.
-        rim_mm: border of the cartilage, `(k, 3)`.
     """
 
     name: str
@@ -60,26 +54,10 @@ class PlateauPressure:
 def plateau_pressures(
     knee: Knee, poses: Pose | State, points: tuple[int, int] = (48, 48)
 ) -> tuple[PlateauPressure, ...]:
-    """Pressure over every tibial surface, and over the patella's where there is one.
+    """Pressure over every tibial surface, and over the patella's, on a grid on each.
 
     A contact of the form `elliptical_patch` has no field of pressure of its own: what is shown
     is the pressure law on the depth of the same two surfaces, around the point where they meet.
-
-    Args:
-        knee: any knee.
-        poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
-        points: grid on each surface, along its two parameters (middles of rectangles); on a
-            meniscus along its arc, as many in each section, and across its width.
-
-    Returns:
-        One field for each compartment.
-
-    Example:
-        >>> import kneejax as kj
-        >>> knee = kj.load_knee("four_ligament")
-        >>> medial, lateral = plateau_pressures(knee, kj.Pose.from_table([[0, 0, 0, 0, 0.5, 0]]))
-        >>> medial.pressure_MPa.shape
-        (1, 48, 48)
     """
     state = state_of(poses)
     count, fields = state.shape[0], []
@@ -134,11 +112,7 @@ def _contact_point(contact: Contact, state: State) -> Array:
 def _around(
     pressure: np.ndarray, place: np.ndarray, contact_point: np.ndarray, points: tuple[int, int]
 ) -> np.ndarray:
-    """Pressure of the patch around a contact point alone, nothing where that is not pressed.
-
-    The closed form has one patch; elsewhere, mostly at the rims, the fitted surfaces may overlap
-    without a meaning.
-    """
+    """Pressure of the patch around a contact point alone: a closed form has one patch."""
     kept, parts = np.zeros_like(pressure), np.empty(points, int)
     for pose in range(pressure.shape[1]):
         pressed = (np.nan_to_num(pressure[:, pose], nan=1.0) > 0).reshape(points)
@@ -177,22 +151,12 @@ def lateral_sign(knee: Knee) -> float:
 
 
 def spread(count: int, most: int) -> np.ndarray:
-    """Rows of at most so many poses, first and last among them, evenly apart.
-
-    Example:
-        >>> spread(9, 3).tolist(), spread(2, 3).tolist()
-        ([0, 4, 8], [0, 1])
-    """
+    """Rows of at most so many poses, first and last among them, evenly apart."""
     return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(int))
 
 
 def degrees(angle_deg: float) -> str:
-    """An angle as figures show it.
-
-    Example:
-        >>> degrees(-1e-7), degrees(29.6)
-        ('0°', '30°')
-    """
+    """An angle as figures show it: `30°`."""
     return f"{round(angle_deg)}°"
 
 
@@ -230,8 +194,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     height = panel * (box[3] - box[2]) / (box[1] - box[0])
     figure, panels = grid(lines, columns, lines * (height + 0.32) + (0.25 if columns > 2 else 0.6),
                           width=max(columns * panel + 0.9, 4.2), constrained=True)  # fmt: skip
-    peak = max(field.peak_MPa for field in fields)
-    scale = Normalize(0.0, peak if peak > 0 else 1.0)
+    peak = max(field.peak_MPa for field in fields) or 1.0
+    scale = Normalize(0.0, peak)
     for number, axes in enumerate(panels.flat):
         axes.set_axis_off()
         if number < len(rows):
@@ -242,18 +206,13 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     bar = figure.colorbar(ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22,
                           pad=0.02)  # fmt: skip
     bar.set_label("Contact pressure, MPa")
-    for level in _lines(scale.vmax):
+    for level in peak * _LINES:
         bar.ax.axhline(level, color=BLACK, linewidth=0.6)
     bar.outline.set_visible(False)
     between = "    " if columns > 2 else "\n"
     figure.suptitle(f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
                     "+ centre of pressure, lines as on the scale", fontsize=9, x=0.01, ha="left")
     return figure
-
-
-def _lines(most: float) -> np.ndarray:
-    """Pressures at which contours are drawn, MPa."""
-    return most * np.linspace(0.2, 0.8, 4)
 
 
 def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) -> None:
@@ -266,7 +225,7 @@ def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) 
             shades = scale.vmax * np.linspace(0.01, 1.0, 25)
             shown = np.minimum(pressure, scale.vmax)
             axes.contourf(z, x, shown, shades, cmap=PRESSURE_COLOURS, norm=scale, zorder=1)
-            axes.contour(z, x, shown, _lines(scale.vmax), colors=BLACK, linewidths=0.3, zorder=2)
+            axes.contour(z, x, shown, scale.vmax * _LINES, colors=BLACK, linewidths=0.3, zorder=2)
             axes.plot(field.center_mm[pose, 2], field.center_mm[pose, 0], "+", color=BLACK,
                       markersize=6, markeredgewidth=1.1, zorder=3)  # fmt: skip
     axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
@@ -274,14 +233,11 @@ def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) 
 
 def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> None:
     """Words for the directions, and a length to measure by, on one panel."""
-    lateral_right = lateral_sign(knee) > 0
-    left, right = ("medial", "lateral") if lateral_right else ("lateral", "medial")
-    low = box[2] + 1.0
+    left, right = ("medial", "lateral") if lateral_sign(knee) > 0 else ("lateral", "medial")
+    low, top, middle = box[2] + 1.0, box[3] - 2.0, 0.5 * (box[0] + box[1])
     small = {"fontsize": 7, "color": GREY, "va": "bottom"}
     axes.text(box[0] + 1, low, left, ha="left", **small)
     axes.text(box[1] - 1, low, right, ha="right", **small)
-    middle = 0.5 * (box[0] + box[1])
-    top = box[3] - 2.0
     arrow = {"arrowstyle": "-|>", "color": GREY, "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (middle, top), (middle, top - 8.0), arrowprops=arrow)
     axes.text(middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY, zorder=4,

@@ -31,13 +31,11 @@ def strain_limit(every: Sequence[Scene]) -> float:
 def pressure_limit(every: Sequence[Scene]) -> float:
     """Pressure at the end of the colours, MPa: the largest one; 1 without contact."""
     peaks = [np.nanmax(p.pressure_MPa, initial=0.0) for scene in every for p in scene.plateaus]
-    peak = float(max(peaks, default=0.0))
-    return peak if peak > 0 else 1.0
+    return float(max(peaks, default=0.0)) or 1.0
 
 
 def chosen(every: Sequence[Scene], most: int) -> tuple[list[Scene], tuple[float, float]]:
-    """At most so many scenes of a motion, evenly apart, and the ends of both scales of colours;
-    refuses a motion without scenes."""
+    """At most so many scenes, evenly apart, and the ends of both scales of colours."""
     if not every:
         raise ValueError("no scenes to draw")
     shown = [every[row] for row in spread(len(every), most)]
@@ -56,12 +54,7 @@ def fibre_colour(fibre: Fibre, limit: float) -> str:
 
 
 def strain_colour(strain: float, limit: float) -> str:
-    """Colour of a fibre, as `#rrggbb`; grey where it is slack.
-
-    Example:
-        >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
-        ('#b40426', '#A9ADB2')
-    """
+    """Colour of a fibre, as `#rrggbb`; grey where it is slack."""
     share = min(strain / limit, 1.0)
     return to_hex(strain_colours()(round(255 * share))) if strain > 0 else SLACK
 
@@ -82,8 +75,7 @@ def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
 
 
 def pressure_bands(plateau: Plateau, limit: float, count: int) -> list[tuple[str, np.ndarray]]:
-    """Colour and triangles of each of so many equal bands of pressure up to a limit, MPa; before
-    them one of what is not pressed."""
+    """Colour and triangles of equal bands of pressure, MPa, after what is not pressed."""
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit).ravel()[plateau.faces].mean(axis=1)
     level = np.where(pressure > 0.02 * limit, np.ceil(pressure / limit * count), 0.0)
     level = np.minimum(level, count).astype(int)
@@ -108,15 +100,7 @@ class CannotRender(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """A parallel view.
-
-    Attributes:
-        towards: unit vector from the knee to the camera.
-        right: unit vector that is to the right in the picture.
-        up: likewise upwards.
-        center_mm: point in the middle of the picture.
-        half_mm: half width and half height of the picture.
-    """
+    """A parallel view: unit vectors, the point in the middle, half width and half height, mm."""
 
     towards: np.ndarray
     right: np.ndarray

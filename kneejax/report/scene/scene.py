@@ -50,11 +50,7 @@ class Sheet:
 
 @dataclasses.dataclass(frozen=True)
 class Plateau:
-    """A tibial surface, or the patella's, with the pressure on it, `(m, n)`.
-
-    `center_mm` is the centre of pressure, `(3,)`. `faces` are the triangles of its points (row by
-    row) that are cartilage; points just outside its border have been moved there.
-    """
+    """A tibial or patellar surface, `(m, n, 3)`, its cartilage's triangles, pressure `(m, n)`."""
 
     name: str
     bone: str
@@ -66,15 +62,7 @@ class Plateau:
 
 @dataclasses.dataclass(frozen=True)
 class Fibre:
-    """The course of a fibre, `(k, 3)`, mm, and how it is pulled.
-
-    Attributes:
-        name: of the fibre.
-        group: first group that has it; its own name if none has.
-        points_mm: in the tibia's frame, from the first of its two bones to the second.
-        strain: length over slack length, minus one; NaN of a muscle.
-        tension_N: force.
-    """
+    """Course in the tibia's frame, `(k, 3)`, its group, strain (NaN of a muscle), tension."""
 
     name: str
     group: str
@@ -187,7 +175,7 @@ def scenes(
                 for name, contact in zip(knee.contact_names, knee.contacts, strict=True)}
     pressures = plateau_pressures(knee, state, points)
     drawn = [_to_the_rim(x.covered, x.points_mm, x.rim_mm) for x in pressures]
-    courses, muscles = surfaces.ligament_lines(knee, state), surfaces.quadriceps_lines(knee, state)
+    courses, muscles = surfaces.fibre_lines(knee, state)
     grids = surfaces.obstacles(knee, courses, places)
 
     def at(i: int) -> Scene:
@@ -247,10 +235,7 @@ def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
 def _to_the_rim(
     covered: np.ndarray, points_mm: np.ndarray, rim_mm: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and triangles up to the cartilage's border, and each point's pressed neighbour.
-
-    Points of the grid just outside are moved to the border, which would else have teeth.
-    """
+    """Points and triangles up to the cartilage's border, and each point's pressed neighbour."""
     shape, covered = points_mm.shape, covered.ravel()
     faces = surfaces.grid_triangles(*shape[:2])
     faces = faces[covered[faces].any(axis=1)]

@@ -52,12 +52,7 @@ def surface_grid(surface: Surface, points: tuple[int, int]) -> np.ndarray:
 
 
 def grid_triangles(rows: int, columns: int) -> np.ndarray:
-    """Triangles of a grid of points, `(2 (rows - 1)(columns - 1), 3)`.
-
-    Example:
-        >>> grid_triangles(2, 2).tolist()
-        [[0, 2, 1], [1, 2, 3]]
-    """
+    """Triangles of a grid of points, `(2 (rows - 1)(columns - 1), 3)`."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (x.ravel()
                   for x in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
@@ -65,13 +60,7 @@ def grid_triangles(rows: int, columns: int) -> np.ndarray:
 
 
 def tube(line: np.ndarray, thickness: float, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Corners, `(k sides, 3)`, and triangles around a line of `k` points.
-
-    Example:
-        >>> corners, faces = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]]), 2.0, sides=4)
-        >>> corners.shape, faces.shape, round(float(np.abs(corners[:, :2]).max()), 6)
-        ((8, 3), (8, 3), 1.0)
-    """
+    """Corners, `(k sides, 3)`, and triangles around a line of `k` points."""
     apart = line[1:] - line[:-1]
     along = np.concatenate([apart[:1], apart[1:] + apart[:-1], apart[-1:]])
     along /= np.maximum(np.sqrt((along**2).sum(axis=1, keepdims=True)), 1e-9)
@@ -94,7 +83,6 @@ def _circle(sides: int) -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def _faces(count: int, sides: int) -> np.ndarray:
-    """Triangles between rings of corners."""
     number = np.arange(count * sides).reshape(count, sides)
     a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
     c, d = number[1:], np.roll(number[1:], -1, axis=1)
@@ -132,7 +120,6 @@ def _closed(obstacle: Obstacle) -> np.ndarray:
 
 @remembered
 def _placed(frame: geometry.Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and translation of a frame."""
     origin, *ends = (np.stack([np.asarray(x, float) for x in frame.placement.apply(Vector(*point))])
                      for point in np.vstack([np.zeros(3), np.eye(3)]))  # fmt: skip
     return np.stack(ends, axis=-1) - origin[:, None], origin
@@ -145,15 +132,7 @@ def state_of(poses: Pose | State) -> State:
 
 
 def lots(state: State) -> list[State]:
-    """Poses in lots of one size, the last one filled up with its last pose.
-
-    Whatever the number of poses, the same program computes them: it is compiled once. A single pose
-    has a program of its own, which takes an eighth of the time.
-
-    Example:
-        >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
-        [(8,), (8,)]
-    """
+    """Poses in lots of one size, so that one program computes them; one alone has its own."""
     count, state = state.shape[0], jax.tree.map(np.asarray, state)
     if count == 1:
         return [state]
@@ -164,8 +143,7 @@ def lots(state: State) -> list[State]:
 
 @dataclasses.dataclass(frozen=True)
 class Places:
-    """Where bones are at poses: bone -> rotations into the femur's axes, `(poses, 3, 3)`, and
-    translations, `(poses, 3)`; the femur, which stands still, is not among them."""
+    """Bone -> rotations into the femur's axes, `(poses, 3, 3)`, and translations."""
 
     rigid: dict[str, tuple[np.ndarray, np.ndarray]]
 
@@ -205,22 +183,16 @@ class Line:
     tension_N: np.ndarray
 
 
-def ligament_lines(knee: Knee, state: State) -> list[Line]:
-    """All fibres of the ligaments."""
-    fibres = knee.ligaments
-    if not fibres.names:
-        return []
-    groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
-    return _lines(fibres, state, [groups.get(name, name) for name in fibres.names])
-
-
-def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
-    """The heads of the quadriceps."""
-    muscles = knee.muscles
-    if muscles is None or not muscles.quadriceps:
-        return []
-    lines = _lines(muscles, state, [QUADRICEPS] * len(muscles.names))
-    return [lines[row] for row in muscles.quadriceps]
+def fibre_lines(knee: Knee, state: State) -> tuple[list[Line], list[Line]]:
+    """All fibres of the ligaments, and the heads of the quadriceps."""
+    ligaments, muscles, heads = [], knee.muscles, []
+    if names := knee.ligaments.names:
+        groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
+        ligaments = _lines(knee.ligaments, state, [groups.get(name, name) for name in names])
+    if muscles is not None and muscles.quadriceps:
+        lines = _lines(muscles, state, [QUADRICEPS] * len(muscles.names))
+        heads = [lines[row] for row in muscles.quadriceps]
+    return ligaments, heads
 
 
 def _lines(fibres: Ligaments | Muscles, state: State, groups: Sequence[str]) -> list[Line]:
@@ -241,11 +213,7 @@ def _lines(fibres: Ligaments | Muscles, state: State, groups: Sequence[str]) -> 
 
 @eqx.filter_jit
 def _drawn(fibres: Ligaments | Muscles, state: State):
-    """Rows of each kind of course; its fibres together, `(k, 3, fibres, poses)`, then all lengths
-    and tensions.
-
-    One array a kind: each point as a result of its own would take minutes to compile.
-    """
+    """Rows, courses `(k, 3, fibres, poses)` of each kind (one array), lengths, tensions."""
     fibres, drawn = add_lane_axis(fibres), []
     for course in fibres.kinds:
         rows = np.array(course.rows)

@@ -26,7 +26,7 @@ from kneejax.inference.design import (
 )
 from kneejax.inference.fit import table_of
 from kneejax.parameters import UnsuitableData, select
-from kneejax.report.design import design_notes, design_words
+from kneejax.report.information import design_notes, design_words
 from kneejax.statics import LoadCases, Status, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")

@@ -17,7 +17,8 @@ from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
 from kneejax.parameters import UnsuitableData, select
-from kneejax.report.calibration_tests import laxity_doubts, reading_table
+from kneejax.report.calibration_parameters import reading_table
+from kneejax.report.calibration_verdict import laxity_doubts
 from tests.dynamics.massed import SHANK, in_a_vice
 
 #: Each compiles a search of its own.

@@ -10,7 +10,7 @@ import pytest
 import kneejax.geometry as geo
 from kneejax.experiments import Way, evaluate, status_of, ways_of, with_flips
 from kneejax.mechanics import Course, Knee, Ligaments, Wrench, add_lane_axis
-from kneejax.report.doubts import pose_words
+from kneejax.report.pose_tables import pose_words
 from kneejax.statics import Status
 from tests.derivatives import wrench_of
 

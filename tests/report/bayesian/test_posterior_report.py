@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Posterior, Prior
-from kneejax.report.posterior import (
+from kneejax.report.identification import (
     posterior_doubts,
     posterior_drawings,
     posterior_section,
-    predictive_figure,
 )
+from kneejax.report.identification_figures import predictive_figure
 
 NAMES = ("ACL.stiffness", "MCL.reference_strain", "LCL.femoral_attachment.superior",
          "offset.internal_rotation")  # fmt: skip

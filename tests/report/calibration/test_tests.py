@@ -9,13 +9,13 @@ from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
 from kneejax.inference.calibration._answer import misfits_of_test
-from kneejax.report.calibration_tests import (
+from kneejax.report.calibration_parameters import (
     _curve,
     errors_table,
-    laxity_doubts,
     laxity_errors,
     reading_table,
 )
+from kneejax.report.calibration_verdict import laxity_doubts
 from kneejax.statics import Status
 
 COLUMN = FREE_COORDINATES.index("anterior")

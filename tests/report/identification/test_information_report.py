@@ -7,17 +7,17 @@ import pytest
 
 from kneejax import report
 from kneejax.inference import Candidate, Design, information, usual_candidates
-from kneejax.report.design import (
+from kneejax.report.identification_figures import (
     candidates_figure,
-    candidates_table,
-    design_section,
+    spectrum_figure,
     standard_errors_figure,
 )
 from kneejax.report.information import (
+    candidates_table,
+    design_section,
     information_section,
     information_table,
     reason_words,
-    spectrum_figure,
 )
 from kneejax.statics import Status
 
@@ -72,7 +72,7 @@ def plain(text):
 
 def test_a_terminal_shows_value_error_and_reason():
     found = told(lost=1)
-    text = plain(information_table(found).terminal())
+    text = plain(information_table(found, found.determined, {}).terminal())
     assert "4500" in text and "unlimited" in text and "not determined" in text
     reason = "PCL stiffness is not determined by these data: a change of 1,158 N"
     assert any(reason in words for words in reason_words(found))
@@ -82,13 +82,14 @@ def test_a_terminal_shows_value_error_and_reason():
 def test_a_terminal_shows_what_is_held_on_a_bound():
     held = np.array([True, False, False, False])
     found = told(at_bound=held)
-    assert "at bound" in information_table(found).terminal()
+    assert "at bound" in information_table(found, found.determined, {}).terminal()
     text = plain(information_section(found).terminal())
     assert "On a bound and held there: ACL.stiffness." in text
 
 
 def test_rows_have_the_columns_of_the_table():
-    rows = information_table(told(lost=1)).records()
+    found = told(lost=1)
+    rows = information_table(found, found.determined, {}).records()
     names = ["name", "value", "standard_error", "unit", "scale", "times_better", "remark"]
     assert [[*row] for row in rows] == [names] * 4
     assert [row["remark"] for row in rows] == ["", "not determined", "", ""]

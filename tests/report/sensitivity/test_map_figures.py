@@ -7,7 +7,7 @@ import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
 from kneejax.report import map_figure, map_matrix_figure, picture_png
-from kneejax.report.identification import profiles_figure
+from kneejax.report.identification_figures import profiles_figure
 from kneejax.report.maps import _levels, correlation, map_answer
 
 
@@ -111,7 +111,7 @@ def a_profile(**change):
 
 
 def test_an_open_end_says_so():
-    closed = profiles_figure([a_profile()])
+    closed = profiles_figure([a_profile()], {})
     texts = [t.get_text() for axes in closed.axes for t in axes.texts]
     assert texts == []
     beside = [a_profile(high_open="its bound"), a_profile()]
