@@ -268,8 +268,13 @@ RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field}
 
 
 def range_of_parameter(name: str) -> Range | None:
-    """The range of a parameter by its name, `LIGAMENT.quantity`, `*.quantity` or a quantity alone;
-    None for a quantity that is not known.
+    """What a parameter may be, by its name.
+
+    Args:
+        name: `LIGAMENT.quantity`, `*.quantity` or a quantity alone.
+
+    Returns:
+        The range; None for a quantity that is not known.
 
     Example:
         >>> str(range_of_parameter("ACL.slack_length"))

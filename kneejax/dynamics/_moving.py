@@ -150,8 +150,12 @@ class MovingKnee(eqx.Module):
     def overlaps(
         self, state: State, contact_points: Array
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """What dampers of contacts must know: contact -> its overlap, mm, and elastic force, N;
-        contact points are near those where surfaces meet, `(n, 2, lanes)`."""
+        """What dampers of contacts must know: contact -> its overlap, mm, and elastic force, N.
+
+        Args:
+            state: where the bones are.
+            contact_points: points near those where surfaces meet, `(n, 2, lanes)`.
+        """
         overlap, pressing, row = {}, {}, 0
         for name, contact in zip(self.knee.contact_names, self.knee.contacts, strict=True):
             near = contact_points[row] if contact.has_patch else None

@@ -55,12 +55,15 @@ class AboutTable(Part):
 
 
 def bundled_path(kind: str, name: str) -> Path:
-    """The path of a file that comes with the package.
+    """The file of something that comes with the package.
 
     Args:
         kind: a folder of the bundled data: `knees`, `laxity`, `measurements`, `plans`, `studies` or
             `templates`.
         name: of the file, with or without its ending.
+
+    Returns:
+        Its path.
 
     Raises:
         InputProblem: there is no such file.
@@ -124,8 +127,16 @@ def bundled_studies() -> dict[str, str]:
 
 
 def absent_measurement(study: str) -> Path | None:
-    """The missing table in which a bundled study, by its name, looks for measured motion; None if
-    the study has all that it needs. Raises `InputProblem` where there is no such study.
+    """Where a bundled study looks for measured motion that is not there.
+
+    Args:
+        study: name of a bundled study.
+
+    Returns:
+        The path of the missing table; None if the study has all that it needs.
+
+    Raises:
+        InputProblem: there is no such study.
 
     Example:
         >>> absent_measurement("paper1") is None
@@ -175,8 +186,14 @@ def bundled_laxity_sources() -> dict[str, str]:
 
 
 def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
-    """The bundled file of this name and kind (a folder of the bundled data), or else the file
-    itself; raises `InputProblem` where there is neither.
+    """The bundled file of this name, or else the file itself.
+
+    Args:
+        kind: a folder of the bundled data.
+        name_or_path: name of a bundled file, or any file.
+
+    Raises:
+        InputProblem: there is neither.
 
     Example:
         >>> named_path("knees", "four_ligament").name
@@ -196,8 +213,18 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
 
 
 def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Any, Path]:
-    """What the file of `named_path` says, and the file, to whose folder paths in it are relative;
-    raises `InputProblem` also where it is no YAML."""
+    """What a bundled file of this name says, or else the file itself.
+
+    Args:
+        kind: a folder of the bundled data.
+        name_or_path: name of a bundled file, or any file.
+
+    Returns:
+        The document, and its file, to whose folder paths in it are relative.
+
+    Raises:
+        InputProblem: there is neither, or it is no YAML.
+    """
     path = named_path(kind, name_or_path)
     return load_yaml(path, f"a {_ONE[kind]} file"), path
 
@@ -252,8 +279,11 @@ class AboutLaxity(Part):
 def bundled_bands(
     cut: Collection[str] | None = None, name: str | None = None
 ) -> list[LaxityBand]:
-    """The laxities that come with the package: all of them, or only those of knees with exactly
-    these ligaments cut, and of the table of this name.
+    """The laxities that come with the package.
+
+    Args:
+        cut: only those of knees with exactly these ligaments cut; all by default.
+        name: only those of this table.
 
     Example:
         >>> [band.cut for band in bundled_bands(name="robot_anterior_90N")]

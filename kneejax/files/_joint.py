@@ -74,12 +74,15 @@ class JointFile:
 
 
 def read_joint(path: str | os.PathLike[str]) -> JointFile:
-    """Read a joint file: the joint, as that of a right knee, and the file's words.
+    """Read a joint file.
 
     Points of a left knee stand in the file with Z to the person's right, as in a knee file.
 
     Args:
         path: the file.
+
+    Returns:
+        The joint, as that of a right knee, and the file's words.
 
     Raises:
         InputProblem: the file cannot be read, a field is missing, unknown or not what it should
@@ -111,7 +114,13 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
 
 
 def format_joint(file: JointFile) -> str:
-    """The YAML of a joint file; `read_joint` gives the same numbers back, to rounding of degrees.
+    """The text of a joint file; `read_joint` gives the same numbers back, to rounding of degrees.
+
+    Args:
+        file: the joint and what to say about it.
+
+    Returns:
+        YAML.
 
     Example:
         >>> import kneejax as kj
@@ -132,7 +141,15 @@ def format_joint(file: JointFile) -> str:
 
 
 def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
-    """Write a joint file, completely or not at all; raises `InputProblem` where that cannot be."""
+    """Write a joint file, completely or not at all.
+
+    Args:
+        file: the joint and what to say about it.
+        path: the file.
+
+    Raises:
+        InputProblem: it cannot be written.
+    """
     reading.write_text(path, format_joint(file))
 
 

@@ -24,11 +24,14 @@ What is added to its motion to compare it with the measured one is no part of a 
 
 
 def load_knee(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> Knee:
-    """Load a knee; a left one as its mirrored right twin.
+    """Load a knee.
 
     Args:
         name_or_path: name of a bundled knee, a knee file, or the result.json of a calibration.
         patella: whether with its patella, pulled by the quadriceps: a knee of three bones.
+
+    Returns:
+        The knee; a left one as its mirrored right twin.
 
     Raises:
         InputProblem: there is no such knee or file, the file is faulty or has no patella.
@@ -112,8 +115,14 @@ def write_calibrated_knee(result: str | os.PathLike[str], path: str | os.PathLik
 
 
 def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> None:
-    """Refuse to write a calibrated knee to a path where the knee that is calibrated is: raises
-    `InputProblem` where the knee, by its name or file, is that file.
+    """Refuse to write a calibrated knee over the one that the calibration began with.
+
+    Args:
+        path: of the new knee file.
+        knee: name or file of the knee that is calibrated.
+
+    Raises:
+        InputProblem: they are one file.
 
     Example:
         >>> check_new("new.yaml", "four_ligament")

@@ -96,7 +96,7 @@ class AxisPoints:
 
 
 def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:
-    """Read axis points of a right knee: `extension`, `flexion` and, if known, `epicondyles`.
+    """Read axis points: `extension`, `flexion` and, if known, `epicondyles`.
 
     A YAML file gives each axis `medial_mm` and `lateral_mm`, three coordinates each, in the frame
     in which the femur's poses are measured: X anterior, Y superior, Z to the person's right. A CSV
@@ -106,6 +106,9 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
     Args:
         path: the file.
         side: `right`, or `left`: the points of a YAML file are mirrored to the right.
+
+    Returns:
+        The points of a right knee.
 
     Raises:
         InputProblem: the file cannot be read, a field, column or row is missing, unknown, no
@@ -140,8 +143,15 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
 
 
 def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
-    """Write axis points as a CSV table (ending in `.csv`), completely or not at all; raises
-    `InputProblem` where that cannot be."""
+    """Write axis points as a CSV table, completely or not at all.
+
+    Args:
+        axes: the points.
+        path: the table, ending in `.csv`.
+
+    Raises:
+        InputProblem: it cannot be written.
+    """
     named = dict(zip(_AXES, axes.points, strict=True))
     if axes.epicondyles is not None:
         named[_FURTHER] = axes.epicondyles
@@ -197,13 +207,16 @@ class TibiaLandmarks:
 
 
 def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> FemurLandmarks:
-    """Read landmarks of a right knee: `epicondyles`, and `hip_center_mm` or `femoral_head`.
+    """Read landmarks: `epicondyles`, and `hip_center_mm` or `femoral_head`.
 
     Args:
         path: a YAML file. `epicondyles` has `medial_mm` and `lateral_mm`; `femoral_head`, to fit a
             sphere to the mesh, has `near_mm` and `within_mm`. It may have a section `tibia`, see
             `read_tibia_landmarks`.
         side: `right`, or `left`: mirrored to the right.
+
+    Returns:
+        The landmarks of a right knee.
 
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.
@@ -217,14 +230,16 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
 
 
 def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> TibiaLandmarks:
-    """Read the section `tibia` of landmarks, as of a right knee: `plateau`, and `ankle_center_mm`
-    or `malleoli`.
+    """Read the section `tibia` of landmarks: `plateau`, and `ankle_center_mm` or `malleoli`.
 
     Args:
         path: a YAML file. `plateau`, its edges, has `medial_mm` and `lateral_mm`. `malleoli` has
             them too, or `medial_ball` and `lateral_ball` with `near_mm` and `within_mm`, to fit
             spheres to the mesh.
         side: `right`, or `left`: mirrored to the right.
+
+    Returns:
+        The landmarks of a right knee.
 
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.

@@ -269,9 +269,18 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def write_netcdf(path: str | os.PathLike[str], dataset: "Dataset") -> Path:
-    """Write a data set with coordinates and units (`ParameterMap.to_dataset`) as netCDF 4,
-    completely or not at all, and give the path back; folders are made. Raises `InputProblem` where
-    the file cannot be written."""
+    """Write a data set as netCDF 4, completely or not at all.
+
+    Args:
+        path: where; folders are made.
+        dataset: with coordinates and units (`ParameterMap.to_dataset`).
+
+    Returns:
+        The path.
+
+    Raises:
+        InputProblem: the file cannot be written.
+    """
     # HDF5 that meets a full disk may end the process when it closes its file.
     content = dataset.to_netcdf(engine="h5netcdf", format="NETCDF4")
     reading.write_bytes(path, bytes(content))

@@ -22,7 +22,7 @@ _TIMES = 4.0
 def prior_scales(
     selection: Selection, values: ArrayLike, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
-    """Prior standard deviations of parameters, `(p,)`, all positive, in their own units.
+    """Prior standard deviations of parameters, in their own units.
 
     Where none is given, those of the quantities (`Quantity.scale_of`): 30 % of a stiffness, 0.02 of
     a reference strain, 2 % of a slack length, 2 mm of an attachment, ...
@@ -32,6 +32,9 @@ def prior_scales(
         values: of them, `(p,)`.
         given: name, `*.quantity` or quantity -> standard deviation; a name counts before a
             wildcard, and that before a quantity.
+
+    Returns:
+        Standard deviations, `(p,)`, all positive.
 
     Raises:
         UnknownParameter: something is given that none of the parameters is.
@@ -56,12 +59,14 @@ def prior_scales(
 
 
 def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
-    """One per cent of each parameter, `(p,)`, in their own units; of a reference strain, which may
-    be zero, 0.01.
+    """One per cent of each parameter; of a reference strain, which may be zero, 0.01.
 
     Args:
         selection: the parameters.
         values: of them, `(p,)`.
+
+    Returns:
+        Widths in their own units, `(p,)`.
 
     Raises:
         UnsuitableData: a per cent of the parameter means nothing: a coordinate of an attachment,
@@ -87,14 +92,16 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
 def digitised(
     selection: Selection, given: Mapping[str, float], sd_mm: float, *, counts: bool
 ) -> dict[str, float]:
-    """A prior of attachments that are free without one, as exact as they were digitised: name ->
-    standard deviation, mm; none where priors do not count.
+    """A prior of attachments that are free without one: as exact as they were digitised.
 
     Args:
         selection: the parameters.
         given: name, `*.quantity` or quantity -> standard deviation of a prior that is stated.
         sd_mm: with which attachments were digitised; 0 for no such prior.
         counts: whether a prior can count, which it does against noise that is stated.
+
+    Returns:
+        Name -> standard deviation, mm; none where priors do not count.
 
     Warns:
         Assumption: with the attachments, and what to write instead; `DoubtfulValue` where the prior
@@ -125,8 +132,18 @@ def digitised(
 
 
 def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | None]:
-    """As `looked_up`; raises `UnknownParameter`, which names `what` is given, where something is
-    given that none of the parameters is.
+    """What is given for each parameter, and nothing for anything else.
+
+    Args:
+        selection: the parameters.
+        given: name, `*.quantity` or quantity -> anything.
+        what: is given, for the error.
+
+    Returns:
+        As `looked_up`.
+
+    Raises:
+        UnknownParameter: something is given that none of the parameters is.
 
     Example:
         >>> import kneejax as kj
@@ -234,13 +251,16 @@ def structure_range(
 def stated_bounds(
     knee: Knee, selection: Selection, given: Mapping[str, tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds, `(p,)` each: those that are stated, default ones for the rest.
+    """Bounds of a selection: those that are stated, default ones for the rest.
 
     Args:
         knee: gives the middle of default bounds of attachments.
         selection: the parameters.
         given: name, `*.quantity` or quantity -> lower and upper bound; a name counts before a
             wildcard, that before a quantity.
+
+    Returns:
+        Lower and upper bounds, `(p,)` each.
 
     Raises:
         UnsuitableData: bounds that are reversed, equal or not finite.

@@ -83,7 +83,14 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
 
 
 def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
-    """Rows of the fibres among what is cut, each once; takes and raises what `cut` does.
+    """Rows of the fibres among what is cut, each once.
+
+    Args:
+        knee: any knee.
+        names: as `cut` takes them.
+
+    Raises:
+        UnknownParameter: a name is neither of a ligament nor of a meniscus.
 
     Example:
         >>> import kneejax as kj
@@ -94,7 +101,11 @@ def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
 
 
 def without_menisci(knee: Knee, names: Sequence[str]) -> Knee:
-    """The knee without the menisci, or parts of them, among what is cut, named as in `cut`.
+    """The knee without the menisci, or parts of them, among what is cut.
+
+    Args:
+        knee: any knee.
+        names: as `cut` takes them.
 
     Example:
         >>> import kneejax as kj

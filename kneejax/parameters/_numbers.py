@@ -153,8 +153,14 @@ class Assumption(UserWarning):
 
 
 def fibres_summed(knee: Knee, name: str) -> int:
-    """Number of fibres over which a parameter's value is a sum; 1 for a fibre, for a mean, and for
-    parameters of other parts.
+    """Number of fibres over which a parameter's value is a sum.
+
+    Args:
+        knee: any knee.
+        name: `LIGAMENT.quantity`, `GROUP.quantity`, ...
+
+    Returns:
+        1 for a fibre, for a mean, and for parameters of other parts.
 
     Example:
         >>> import kneejax as kj
@@ -167,8 +173,11 @@ def fibres_summed(knee: Knee, name: str) -> int:
 
 
 def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
-    """Which of some parameters are sums over fibres, as a sentence; empty where none is, and
-    without a knee.
+    """Which parameters are sums over fibres, as a sentence; empty where none is.
+
+    Args:
+        knee: that has the parameters; None where there is none.
+        names: of the parameters.
 
     Example:
         >>> import kneejax as kj
@@ -182,8 +191,15 @@ def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
 
 
 def doubt_value(knee: Knee, name: str, value: float) -> None:
-    """Warn (`DoubtfulValue`) of a value that a structure is to have and that is nearer, as a ratio,
-    to that of one of its fibres so far, naming both.
+    """Warn of a structure's value that is nearer, as a ratio, to that of one of its fibres.
+
+    Args:
+        knee: whose structure it is, with the value that it has so far.
+        name: of the parameter.
+        value: that it is to have.
+
+    Warns:
+        DoubtfulValue: naming both.
 
     Example:
         >>> import kneejax as kj
@@ -195,8 +211,15 @@ def doubt_value(knee: Knee, name: str, value: float) -> None:
 
 
 def doubt_prior(knee: Knee, name: str, deviation: float) -> None:
-    """Warn (`DoubtfulValue`) of a prior of a structure's stiffness, given by its standard
-    deviation, that is narrow, but not for one of its fibres.
+    """Warn of a prior of a structure's stiffness that is narrow, but not for one of its fibres.
+
+    Args:
+        knee: whose structure it is.
+        name: of the parameter.
+        deviation: its standard deviation.
+
+    Warns:
+        DoubtfulValue: naming both.
 
     Example:
         >>> import kneejax as kj

@@ -107,10 +107,14 @@ class Selection:
         return jnp.asarray(numpy_for(each).stack(each), float)
 
     def apply(self, knee: Knee, values: Array) -> Knee:
-        """The knee, any with these ligaments, with new values `(p,)` of the free parameters.
+        """The knee with new values of the free parameters.
 
         Reference strains and prestretches are turned into slack lengths at the reference pose,
         after attachments have been moved.
+
+        Args:
+            knee: any knee with these ligaments.
+            values: shape `(p,)`.
         """
         strains, values = [], numpy_for(values).asarray(values)
         for i in range(len(self)):
@@ -141,6 +145,9 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
             (`ACL.femoral_attachment`) for all of them. A group is a structure drawn as several
             fibres: its stiffness and damping are the sums over its fibres, any other value is
             their mean; setting it keeps how they differ.
+
+    Returns:
+        The selection.
 
     Raises:
         UnknownParameter: naming the nearest known name; also if one number is chosen twice.
@@ -234,8 +241,14 @@ def _check_once(selection: Selection) -> None:
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:
-    """Rows of the fibres of a ligament or of a group; raises `UnknownParameter`, which names the
-    nearest, where the knee has none of that name.
+    """Rows of the fibres of a ligament or of a group.
+
+    Args:
+        knee: any knee.
+        name: of a fibre or of a group.
+
+    Raises:
+        UnknownParameter: naming the nearest ligament or group.
 
     Example:
         >>> from kneejax.files import load_knee

@@ -187,9 +187,14 @@ def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument
 
 
 def format_knee(document: dict[str, Any]) -> str:
-    """A knee document, in which NumPy numbers and arrays may stand, as YAML: fields in the order of
-    the format, names in the order given, every float with the digits that it has; the same text for
-    the same document.
+    """Write a knee document as text.
+
+    Args:
+        document: content of a knee file; NumPy numbers and arrays may stand in it.
+
+    Returns:
+        YAML with fields in the order of the format, names in the order given, every float with
+        the digits that it has; the same text for the same document.
 
     Example:
         >>> print(format_knee({"side": "right", "name": "small", "kneejax": 1}), end="")
@@ -206,8 +211,13 @@ def plain_document(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
-    """A new document, the other side's twin of a knee document of either side; mirroring it again
-    gives the first one back.
+    """The other side's twin of a knee document.
+
+    Args:
+        document: content of a knee file, of either side.
+
+    Returns:
+        A new document of the other side; mirroring it again gives the first one back.
 
     Example:
         >>> document = {"side": "right", "loads": {"push": {"force_N": [1.0, 2.0, 3.0]}}}

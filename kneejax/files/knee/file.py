@@ -52,11 +52,14 @@ class KneeFile:
         return "patella" in self.document
 
     def with_patella(self, tension_N: Mapping[str, float] | None = None) -> Knee:
-        """The knee with its patella: of three bones, two in balance, pulled by the quadriceps.
+        """The knee with its patella: a second bone in balance, pulled by the quadriceps.
 
         Args:
             tension_N: muscle -> its tension; the others of the file have that at rest. Muscles
                 that do not pull at all are left out.
+
+        Returns:
+            The knee of three bones; `knee` is the one of two.
 
         Raises:
             InputProblem: the file has no patella, a muscle is unknown or pushes, a muscle begins

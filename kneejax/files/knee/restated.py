@@ -20,7 +20,7 @@ _LAST_DIGITS = 500.0
 
 
 def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dict[str, Any]:
-    """A new knee document with the numbers of a knee, which reading it gives, to rounding.
+    """A knee document with the numbers of a knee.
 
     Only numbers that are others than those of the document are written, in the document's own
     terms: a reference strain stays one, and follows attachments that have moved. A reference force
@@ -32,6 +32,9 @@ def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dic
         knee: the knee of this document with other numbers, of two bones or with its patella; a left
             one as its mirrored right twin.
         source: of the numbers that are others.
+
+    Returns:
+        A new document; reading it gives the knee, to rounding.
 
     Example:
         >>> from kneejax.files import load_knee_file
@@ -79,7 +82,7 @@ def reconstructed(
     document: dict[str, Any], knee: mechanics.Knee, torn: Sequence[str], grafts: Sequence[str],
     source: str,
 ) -> dict[str, Any]:  # fmt: skip
-    """A new knee document without torn fibres, and with grafts; the rest is that of the old one.
+    """A knee document without its torn fibres, and with grafts.
 
     Args:
         document: content of a knee file, of either side.
@@ -89,6 +92,9 @@ def reconstructed(
         grafts: fibres of `knee` that are put in, straight between their ends. Several are a group
             `graft`.
         source: of the grafts' numbers.
+
+    Returns:
+        A new document; the others of its numbers are those of `document`.
 
     Example:
         >>> from kneejax.files import load_knee_file

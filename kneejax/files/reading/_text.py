@@ -86,7 +86,14 @@ def wrong(
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things in words: the number and the noun, with an s unless there is one.
+    """A number of things in words.
+
+    Args:
+        count: how many.
+        noun: one of them; its plural adds an s.
+
+    Returns:
+        The number and the noun, in the plural unless there is one.
 
     Example:
         >>> counted(1, "fibre"), counted(0, "pose")
@@ -207,7 +214,14 @@ def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """As `write_bytes`, of a text in UTF-8.
+    """Write a UTF-8 text file so that a reader sees the old one or the new one, never a part.
+
+    Args:
+        path: the file; missing folders are made.
+        text: its content.
+
+    Raises:
+        InputProblem: the file cannot be written.
 
     Example:
         >>> import tempfile

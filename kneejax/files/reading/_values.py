@@ -182,7 +182,19 @@ def deviation(value: Any, allowed: Range | None) -> float:
 
 
 def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg") -> "np.ndarray":
-    """Flexion angles from `FROM:TO:STEP` or a list, degrees, as `parse_range` reads them.
+    """Flexion angles from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+
+    Args:
+        text: e.g. `0:120:5` or `0,30,60`; degrees.
+        file: where the text stands, for the error.
+        field: likewise.
+
+    Returns:
+        Shape `(n,)`, degrees.
+
+    Raises:
+        InputProblem: the text is something else, the step leads away from the end, or an angle
+            is out of range.
 
     Example:
         >>> parse_flexion("0:20:5").tolist()
@@ -192,18 +204,20 @@ def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg"
 
 
 def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> "np.ndarray":
-    """Numbers, `(n,)`, from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+    """Numbers from `FROM:TO:STEP`, both ends included, or from a comma separated list.
 
     Args:
-        text: e.g. `0:120:5` or `0,30,60`.
+        text: as of `parse_flexion`.
         file: where the text stands, for the error.
         field: likewise.
         allowed: what each number may be.
         of: what one of them is, in a word.
 
+    Returns:
+        Shape `(n,)`.
+
     Raises:
-        InputProblem: the text is something else, the step leads away from the end, or a number is
-            out of range.
+        InputProblem: as of `parse_flexion`.
 
     Example:
         >>> from kneejax.mechanics import Range

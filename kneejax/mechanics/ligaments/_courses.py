@@ -75,7 +75,7 @@ class Course(eqx.Module):
 
     def __post_init__(self):
         if self.via is None:
-            self.via = np.zeros((len(self.via_bones), len(self.rows), 3))
+            self.via = jnp.asarray(np.zeros((len(self.via_bones), len(self.rows), 3)))
 
     def __check_init__(self):
         for bone in {*self.via_bones, *([self.obstacle_bone] if self.obstacle else [])}:
