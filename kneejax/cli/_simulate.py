@@ -52,7 +52,8 @@ def run(arguments: Simulate) -> int:
     loads, (_, knee) = read_loads(arguments.load), asked_knees(arguments)
     acting = [load_of(**loads)] if loads else []
     with stages_on_terminal(knee.name):
-        motion = experiments.passive_flexion(knee, flexion, acting)
+        with experiments.evaluate_beside(knee):
+            motion = experiments.passive_flexion(knee, flexion, acting)
         mechanics = experiments.evaluate(knee, motion.pose, motion.equilibrium.contact_points)
         answer = flexion_answer(
             knee_words(arguments, knee), motion, mechanics, flexion, loads=loads,
@@ -116,10 +117,9 @@ def run_test(arguments: Simulate) -> int:
         tests = (experiments.LabTest("load", full, observed, at, path, held=held),)
     whole, knee = asked_knees(arguments)
     with stages_on_terminal(knee.name):
-        ready = experiments.evaluate_beside(knee)
         from_intact = arguments.counted_from == "intact"
-        curves = experiments.load_curves(knee, tests, whole if from_intact else None)
-        ready.result()
+        with experiments.evaluate_beside(knee):
+            curves = experiments.load_curves(knee, tests, whole if from_intact else None)
         mechanics = experiments.mechanics_of(curves[0])
         looked_at = curves if arguments.cut else ()
         others = [experiments.second_balances(one, whole) for one in looked_at]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
+from contextlib import AbstractContextManager
 
 import equinox as eqx
 import jax
@@ -164,19 +164,22 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
     return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
 
 
-def evaluate_beside(knee: Knee) -> Future[Mechanics]:
-    """Begin to compile what `evaluate` needs for a knee, beside what the caller does next.
+def evaluate_beside(knee: Knee) -> AbstractContextManager[None]:
+    """Compile what `evaluate` needs for a knee beside what a block computes.
 
     Args:
         knee: any knee; only its structure counts.
 
     Returns:
-        A future of the mechanics at its reference pose; `result()` waits until `evaluate` is ready.
+        A context, at the end of which `evaluate` is ready for poses of that knee.
 
     Example:
         >>> import kneejax as kj
-        >>> evaluate_beside(kj.load_knee("four_ligament")).result().tension.shape
-        (1, 4)
+        >>> knee = kj.load_knee("four_ligament")
+        >>> with evaluate_beside(knee):
+        ...     motion = kj.passive_flexion(knee, [0.0, 30.0])
+        >>> kj.evaluate(knee, motion.pose, motion.equilibrium.contact_points).tension.shape
+        (2, 4)
     """
     knee = knee.for_many_poses()
     there = jax.tree.map(lambda x: np.reshape(np.asarray(x, float), 1), knee.at_reference)

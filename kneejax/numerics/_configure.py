@@ -11,7 +11,7 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -59,23 +59,47 @@ def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[
         raise
 
 
-def beside(work: Callable[..., Answer], *arguments: Any) -> concurrent.futures.Future[Answer]:
-    """Begin some work on a thread of its own, while the caller goes on.
+@contextlib.contextmanager
+def beside(work: Callable[..., Any], *arguments: Any) -> Iterator[None]:
+    """Do some work on a thread of its own while a block runs; its end waits for the work.
 
     One program compiles while another one does: the compiler leaves Python's lock, and takes one
-    core. Such work comes one after the other.
+    core. Tracing does not leave it: the work begins when the first program of the block is traced,
+    or at its end. Where the block fails, the work may be left undone.
 
     Args:
         work: a function of the arguments.
 
-    Returns:
-        Its future; `result()` waits, and raises what the work has raised.
+    Raises:
+        Exception: what the work has raised.
 
     Example:
-        >>> beside(abs, -1).result()
-        1
+        >>> found = []
+        >>> with beside(found.append, 1):
+        ...     pass
+        >>> found
+        [1]
     """
-    return _one_thread().submit(work, *arguments)
+    wanted, begin = True, threading.Event()
+
+    def begun() -> None:
+        begin.wait()
+        if wanted:
+            work(*arguments)
+
+    _to_begin.append(begin)
+    done = _one_thread().submit(begun)
+    try:
+        yield
+        begin.set()
+        done.result()
+    finally:
+        wanted = False
+        begin.set()
+
+
+#: What waits until a program has been traced.
+_to_begin: list[threading.Event] = []
 
 
 @functools.cache
@@ -250,7 +274,10 @@ def compiled(
             @functools.wraps(function)
             def begun(*arguments: Any) -> Any:
                 _compiling[threading.get_ident()] = function.__name__.strip("_")
-                return own(*arguments)
+                answer = own(*arguments)
+                while _to_begin:
+                    _to_begin.pop().set()
+                return answer
 
             return begun
 

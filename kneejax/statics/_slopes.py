@@ -163,9 +163,8 @@ def balance_with_slopes(
     else:
         # Whatever it computes: the program compiles while that of the balances does.
         nothing = Equilibria.nothing((count, size), marks, knee.patch_count, forces=True)
-        slopes = beside(some, nothing, 0)
-        found = balance_many(knee, vary, every, load_cases, forces=True)
-        slopes.result()
+        with beside(some, nothing, 0):
+            found = balance_many(knee, vary, every, load_cases, forces=True)
     parts = on_all_cores(partial(some, found), range(0, count * size, _LANES))
     jacobian = np.concatenate(parts)[: count * size].reshape(count, size, -1, values.shape[1])
     return Slopes(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax import inference
+from kneejax.experiments import evaluate_beside
 from kneejax.files import Calibrated, InputProblem
 from kneejax.inference import Calibration, Design, Identification, LocalSensitivity, MotionIndices
 from kneejax.inference import sensitivity as checks
@@ -96,9 +97,11 @@ def calibrate(study: Study, *, progress: Asked = None) -> Calibration:
         4500
     """
     with progress_of(progress, "calibration") as show, stopwatch() as watch:
-        problem = _a_study(study).problem()
-        lap("data")
-        result = inference.calibrate(problem, progress=show)
+        study = _a_study(study)
+        with evaluate_beside(study.knee):
+            problem = study.problem()
+            lap("data")
+            result = inference.calibrate(problem, progress=show)
     return dataclasses.replace(result, seconds=adding_up(watch.parts))
 
 

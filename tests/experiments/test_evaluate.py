@@ -67,7 +67,8 @@ def test_nothing_is_told_of_a_pose_that_is_not_known(ball_on_a_plane):
 
 
 def test_what_compiled_beside_is_ready(ball_on_a_plane):
-    evaluate_beside(ball_on_a_plane).result()
+    with evaluate_beside(ball_on_a_plane):
+        pass
     poses = geo.Pose.from_table(np.tile([0.0, 0.0, 0.0, 3.0, -29.0, -4.0], (5, 1)))
     with counted_programs() as programs:
         kj.evaluate(ball_on_a_plane, poses, np.full((1, 2, 5), np.nan))
