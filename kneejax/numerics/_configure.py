@@ -65,7 +65,7 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Iterator[None]:
 
     One program compiles while another one does: the compiler leaves Python's lock, and takes one
     core. Tracing does not leave it: the work begins when the first program of the block is traced,
-    or at its end. Where the block fails, the work may be left undone.
+    or at its end. Where the block fails, nobody waits, and what has not begun never will.
 
     Args:
         work: a function of the arguments.
@@ -80,26 +80,25 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Iterator[None]:
         >>> found
         [1]
     """
-    wanted, begin = True, threading.Event()
+    begun: list[concurrent.futures.Future] = []
 
-    def begun() -> None:
-        begin.wait()
-        if wanted:
-            work(*arguments)
+    def begin() -> None:
+        if not begun:
+            begun.append(_one_thread().submit(work, *arguments))
 
     _to_begin.append(begin)
-    done = _one_thread().submit(begun)
     try:
         yield
-        begin.set()
-        done.result()
+        begin()
+        begun[0].result()
     finally:
-        wanted = False
-        begin.set()
+        with contextlib.suppress(ValueError):
+            _to_begin.remove(begin)
 
 
-#: What waits until a program has been traced.
-_to_begin: list[threading.Event] = []
+#: What begins when a program has been traced. Until then it is not on the thread: blocks may stand
+#: within each other, and nothing there waits for anything.
+_to_begin: list[Callable[[], None]] = []
 
 
 @functools.cache
@@ -275,8 +274,9 @@ def compiled(
             def begun(*arguments: Any) -> Any:
                 _compiling[threading.get_ident()] = function.__name__.strip("_")
                 answer = own(*arguments)
-                while _to_begin:
-                    _to_begin.pop().set()
+                with contextlib.suppress(IndexError):  # another thread may take the last
+                    while _to_begin:
+                        _to_begin.pop()()
                 return answer
 
             return begun

@@ -1,11 +1,13 @@
 """Programs that are compiled quickly compute what optimised ones do, alone and within others."""
 
+import threading
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kneejax.numerics import _configure, compiled
+from kneejax.numerics import _configure, beside, compiled
 
 
 def length(x, power):
@@ -51,3 +53,35 @@ def test_an_xla_without_its_older_emitters_compiles_with_the_newer(monkeypatch):
     _configure._older.cache_clear()
     assert float(compiled()(lambda x: 2.0 * x)(3.0)) == 6.0
     _configure._older.cache_clear()
+
+
+def test_blocks_within_each_other_end_where_nothing_is_compiled():
+    """A second fit in one process finds all programs there."""
+    done = []
+    with beside(done.append, "outer"):
+        with beside(done.append, "inner"):
+            pass
+        assert done == ["inner"]
+    assert done == ["inner", "outer"]
+
+
+def test_work_beside_begins_when_a_program_is_traced():
+    begun = threading.Event()
+
+    @compiled()
+    def double(x):
+        return 2.0 * x
+
+    with beside(begun.set):
+        assert not begun.is_set()
+        double(np.ones(7))
+        assert begun.wait(10.0)
+
+
+def test_a_block_that_fails_waits_for_nothing_and_one_whose_work_fails_says_so():
+    done = []
+    with pytest.raises(KeyError), beside(done.append, 1):
+        raise KeyError
+    with pytest.raises(ZeroDivisionError), beside(divmod, 1, 0):
+        pass
+    assert not done
