@@ -2,6 +2,7 @@
 
 import ast
 import graphlib
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -78,6 +79,17 @@ def test_folders_and_files_of_a_room_import_each_other_in_no_circle():
     except graphlib.CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
     assert set(graph) <= set(order)
+
+
+def test_files_that_pages_name_are_there():
+    root = PACKAGE.parent
+    rooms = ("kneejax", "benchmarks", "data", "docs", "tests", "notebooks")
+    every = [f"/{x.relative_to(root).as_posix()}" for y in rooms for x in (root / y).rglob("*.py")]
+    pages = [*(root / "docs").glob("*.md"), root / "README.md", root / "benchmarks" / "README.md"]
+    named = {(page.name, name) for page in pages
+             for name in re.findall(r"`([\w/]+\.py)`", page.read_text(encoding="utf-8"))}  # fmt: skip
+    gone = [x for x in sorted(named) if not any(file.endswith(f"/{x[1]}") for file in every)]
+    assert not gone
 
 
 def test_no_file_hides_two_rooms():
