@@ -84,10 +84,11 @@ def test_folders_and_files_of_a_room_import_each_other_in_no_circle():
 def test_files_that_pages_name_are_there():
     root = PACKAGE.parent
     rooms = ("kneejax", "benchmarks", "data", "docs", "tests", "notebooks")
-    every = [f"/{x.relative_to(root).as_posix()}" for y in rooms for x in (root / y).rglob("*.py")]
+    files = (x for room in rooms for x in (root / room).rglob("*.py"))
+    every = [f"/{x.relative_to(root).as_posix()}" for x in files]
     pages = [*(root / "docs").glob("*.md"), root / "README.md", root / "benchmarks" / "README.md"]
-    named = {(page.name, name) for page in pages
-             for name in re.findall(r"`([\w/]+\.py)`", page.read_text(encoding="utf-8"))}  # fmt: skip
+    texts = {page.name: page.read_text(encoding="utf-8") for page in pages}
+    named = {(page, x) for page, text in texts.items() for x in re.findall(r"`([\w/]+\.py)`", text)}
     gone = [x for x in sorted(named) if not any(file.endswith(f"/{x[1]}") for file in every)]
     assert not gone
 
