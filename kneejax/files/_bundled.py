@@ -40,6 +40,8 @@ class Measurement:
 
 
 class AboutTest(Part):
+    """How a table is one of a test."""
+
     counted_from: Text
     columns: dict[str, str] = {}  # column of a pose -> column of the table
 

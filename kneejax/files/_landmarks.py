@@ -24,6 +24,8 @@ Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm
 
 
 class Pair(Part):
+    """Two points of a knee."""
+
     medial_mm: Point  # with Z to the person's right
     lateral_mm: Point
 
@@ -68,6 +70,8 @@ class Malleoli(Part):
 
 
 class TibiaFields(Part):
+    """Landmarks of the tibia."""
+
     plateau: Pair
     ankle_center_mm: Point | None = None
     malleoli: Malleoli | None = None  # whose middle it is instead

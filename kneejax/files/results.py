@@ -92,6 +92,8 @@ class Written(Part):
 
 
 class Estimate(Written):
+    """What was found of a number."""
+
     value: Any
     standard_error: Real | None = None
 
@@ -108,6 +110,8 @@ Numbers = Annotated[
 
 
 class StudySettings(Written):
+    """What the study said."""
+
     knee: Text | None = None
     path: Any = None
     patella: Flag = False

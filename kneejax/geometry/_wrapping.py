@@ -82,6 +82,7 @@ class WrapSphere(Obstacle):
 
     @property
     def semi_axes_along_frame(self) -> Vector:
+        """Three times the radius, mm."""
         return Vector(self.radius, self.radius, self.radius)
 
 
@@ -112,6 +113,7 @@ class WrapCylinder(Obstacle):
 
     @property
     def semi_axes_along_frame(self) -> Vector:
+        """The radius twice, then infinity, mm."""
         return Vector(self.radius, self.radius, jnp.full_like(self.radius, jnp.inf))
 
     @property
@@ -141,6 +143,7 @@ class WrapEllipsoid(Obstacle):
 
     @property
     def semi_axes_along_frame(self) -> Vector:
+        """The semi-axes, mm."""
         return Vector.of(self.semi_axes)
 
 

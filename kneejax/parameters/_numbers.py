@@ -263,6 +263,7 @@ class Leaf:
     place: tuple[int, ...] = ()  # of the number in the array; empty for a number by itself
 
     def array(self, knee: Knee) -> Array:
+        """The array in which the number stands."""
         found: Any = getattr(knee.ligaments if self.part == "courses" else knee, self.part)
         if self.part != "muscles":  # one object; the row stands first in the place
             found = found[self.row]
@@ -271,10 +272,12 @@ class Leaf:
         return found
 
     def read(self, knee: Knee) -> Array:
+        """The number."""
         array = self.array(knee)
         return numpy_for(array).asarray(array)[self.place]
 
     def write(self, knee: Knee, value: Array) -> Knee:
+        """The knee with another number there."""
         array = self.array(knee)
         if traced(array, value):
             changed = jnp.asarray(array, float).at[self.place].set(value)

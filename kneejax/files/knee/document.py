@@ -40,6 +40,8 @@ def _version(value: Any) -> int:
 
 
 class Adaptation(Part):
+    """A change of a published value."""
+
     field: Text
     before: Any = Field(alias="from")
     to: Any

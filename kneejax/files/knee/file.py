@@ -231,6 +231,7 @@ def _built(
 
 
 def pose_of(stated: Any) -> geometry.Pose:
+    """A pose of a document."""
     return geometry.Pose.from_table([x for name, x in stated if name != "source"])
 
 

@@ -163,6 +163,8 @@ class Sourced(Built):
 
 
 class Via(Part):
+    """A point through which a fibre runs."""
+
     bone: Text
     point_mm: Point
 
@@ -239,12 +241,16 @@ Absent = Annotated[None, BeforeValidator(_no_field)]
 
 
 class LigamentOfTwo(Ligament):
+    """A ligament between femur and tibia."""
+
     femoral_attachment_mm: Point  # pyright: ignore[reportGeneralTypeIssues]
     patellar_attachment_mm: Absent = None
     tibial_attachment_mm: Point  # pyright: ignore[reportGeneralTypeIssues]
 
 
 class Line(Sourced):
+    """A line of constant tension."""
+
     makes = mechanics.ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
@@ -252,6 +258,8 @@ class Line(Sourced):
 
 
 class Muscle(Sourced):
+    """A muscle from the femur to the patella or the tibia."""
+
     tension_N: Number
     origin_mm: Annotated[Point, Gives("femoral_attachment")]
     via_points: Vias = ()
@@ -270,6 +278,8 @@ class Muscle(Sourced):
 
 
 class LoadOfFile(Sourced):
+    """A force and a moment."""
+
     makes = mechanics.Load
     force_N: Force | None = None
     moment_Nmm: Moment | None = None

@@ -144,6 +144,8 @@ class Plateau(Surface):
 
 
 class PlaneSurface(Surface):
+    """A rectangle."""
+
     makes = geometry.Plane
     origin_mm: Origin
     rotation_deg: Rotation = None
@@ -151,12 +153,16 @@ class PlaneSurface(Surface):
 
 
 class SphereSurface(Surface):
+    """A sphere."""
+
     makes = geometry.Sphere
     center_mm: Origin
     radius_mm: Size
 
 
 class EllipsoidSurface(Surface):
+    """An ellipsoid."""
+
     makes = geometry.Ellipsoid
     center_mm: Origin
     rotation_deg: Rotation = None
@@ -173,6 +179,8 @@ class Obstacle(Sourced):
 
 
 class SphereObstacle(Obstacle):
+    """A sphere."""
+
     makes = geometry.WrapSphere
     radius_mm: Size
 
@@ -187,6 +195,8 @@ class CylinderObstacle(Obstacle):
 
 
 class EllipsoidObstacle(Obstacle):
+    """An ellipsoid."""
+
     makes = geometry.WrapEllipsoid
     semi_axes_mm: SemiAxes
 
@@ -269,6 +279,7 @@ class ContactPart(Sourced):
         return FACES[2] if self.patellar_surface is None else FACES[1]
 
     def built(self, **more: Any) -> Contact:
+        """The contact in a right knee."""
         bodies = FEMUR, TIBIA if self.patellar_surface is None else PATELLA
         femoral, other = self.femoral_surface.built(), getattr(self, self.other_face).built()
         if self.ring is not None:
@@ -300,10 +311,14 @@ class ContactPart(Sourced):
 
 
 class TibialContact(ContactPart):
+    """A contact of femur and tibia."""
+
     patellar_surface: parts.Absent = None
     tibial_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
 
 
 class PatellarContact(ContactPart):
+    """A contact of femur and patella."""
+
     patellar_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
     tibial_surface: parts.Absent = None
