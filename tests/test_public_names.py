@@ -24,11 +24,18 @@ FACES.append(kneejax)
 
 
 def stated(package):
-    """Name -> module, from the imports that editors and type checkers read."""
+    """Name -> module, from the imports of an `__init__`, which editors and type checkers read."""
     tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
-    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
-    found = [node for node in block.body if isinstance(node, ast.ImportFrom)]
-    return {alias.asname: node.module for node in found for alias in node.names}
+    found = {}
+    for node in ast.walk(tree):
+        for alias in node.names if isinstance(node, ast.ImportFrom) else ():
+            if alias.name == "*":
+                offered = importlib.import_module(node.module).__all__
+                assert len(offered) == len(set(offered)), f"{node.module} names one twice"
+                found |= dict.fromkeys(offered, node.module)
+            elif alias.asname == alias.name:
+                found[alias.name] = node.module
+    return found
 
 
 @pytest.mark.parametrize("package", FACES, ids=lambda package: package.__name__)
@@ -56,14 +63,6 @@ def test_to_import_the_package_is_cheap():
     assert not {"jax", "numpy", "scipy", "yaml", "kneejax.geometry"} & set(done.stdout.split())
 
 
-def offered(package):
-    """Name -> what it stands for, of what the `__init__` of a room offers to others."""
-    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
-    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    names = [alias.asname for node in found for alias in node.names if alias.asname == alias.name]
-    return {name: getattr(package, name) for name in names}
-
-
 ROOMS = sorted(
     x.name for x in pkgutil.walk_packages(kneejax.__path__, "kneejax.") if x.ispkg
 )  # fmt: skip
@@ -72,7 +71,9 @@ ROOMS = sorted(
 @pytest.mark.parametrize("room", ["kneejax", *ROOMS])
 def test_every_public_name_says_what_it_is_in_a_sentence(room):
     silent = []
-    for name, thing in offered(importlib.import_module(room)).items():
+    package = importlib.import_module(room)
+    for name in stated(package):
+        thing = getattr(package, name)
         if not (inspect.isclass(thing) or callable(thing)) or isinstance(thing, GenericAlias):
             continue
         # A dataclass without a docstring gets its signature for one.

@@ -2,8 +2,6 @@
 The model is the command line (`_line.py`), the settings.json of its results, what `rerun` reads,
 and a call in Python: `Simulate(experiment="drawer", force_N=100)`."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re
@@ -237,7 +235,7 @@ class Written(Command):
         return False
 
     @property
-    def results(self) -> ResultsFolder:
+    def results(self) -> "ResultsFolder":
         """The folder of results, while the command runs."""
         return self._results
 

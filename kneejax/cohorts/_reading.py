@@ -3,6 +3,8 @@
 All rows are read before a mistake is reported: a person corrects a table once, not once a row.
 """
 
+__all__ = ["Cohort", "Member", "is_cohort", "read_cohort"]
+
 import copy
 import dataclasses
 import glob

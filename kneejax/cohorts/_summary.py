@@ -1,5 +1,7 @@
 """What became of a cohort: each knee's answer, parameters over knees, outliers, the next prior."""
 
+__all__ = ["CohortSummary", "KneeAnswer", "summed_up"]
+
 import dataclasses
 import json
 import math

@@ -6,6 +6,8 @@ doi 10.1186/s13018-021-02708-8), so 71.6 +- 5.4 mm of both together, or 7.5 %. E
 is a convention that stands in `Spread`.
 """
 
+__all__ = ["MadeUpKnee", "Protocol", "Spread", "synthesise"]
+
 import dataclasses
 from collections.abc import Iterator
 from typing import Any

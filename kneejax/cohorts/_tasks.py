@@ -7,6 +7,8 @@ results on disk; however often it is begun, the files are the same. Workers are 
 task at a time on a core of their own, and share compiled programs on disk.
 """
 
+__all__ = ["Task", "bootstraps", "check_bootstraps", "computed", "plan", "reason", "workers"]
+
 import contextlib
 import dataclasses
 import hashlib

@@ -1,6 +1,6 @@
 """Where the energy of a motion is, where it came from and where it went."""
 
-from __future__ import annotations
+__all__ = ["Account"]
 
 import dataclasses
 

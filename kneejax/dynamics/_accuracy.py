@@ -7,7 +7,7 @@ eighth order with steps of its own choice. A stiff knee takes it many steps, whi
 method takes six times as long to compile.
 """
 
-from __future__ import annotations
+__all__ = ["integrated", "move_within"]
 
 import dataclasses
 

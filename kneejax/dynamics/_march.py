@@ -6,7 +6,7 @@ compiled search serves every choice of what is differentiated. Going backwards, 
 computed anew from the moments before it: memory grows with the moments, not with the mechanics.
 """
 
-from __future__ import annotations
+__all__ = ["Given", "Grid", "followed", "march", "rising", "searched", "with_idle_steps"]
 
 import dataclasses
 from collections.abc import Callable
@@ -67,7 +67,7 @@ class Grid:
     start_s: float = 0.0
 
     @classmethod
-    def of(cls, time_s: ArrayLike, within: ArrayLike = 1) -> Grid:
+    def of(cls, time_s: ArrayLike, within: ArrayLike = 1) -> "Grid":
         """Equal steps between two of the times asked for.
 
         Args:

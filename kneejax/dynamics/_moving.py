@@ -10,7 +10,7 @@ is the step of order one with which a motion begins. Inertia follows the formula
 point of a bone (positions make velocities, velocities accelerations), dampers once.
 """
 
-from __future__ import annotations
+__all__ = ["MovingKnee", "Step", "gravity_of"]
 
 import dataclasses
 import math
@@ -94,7 +94,7 @@ class MovingKnee(eqx.Module):
         fibre_damping: ArrayLike = 0.0, coordinate_damping: Mapping[str, ArrayLike] | None = None,
         gravity_m_s2: ArrayLike = (0.0, 0.0, 0.0),
         contact_dissipation: Mapping[str, ArrayLike] | None = None,
-    ) -> MovingKnee:  # fmt: skip
+    ) -> "MovingKnee":  # fmt: skip
         """Make one from the mass of the shank.
 
         Args:
@@ -124,7 +124,7 @@ class MovingKnee(eqx.Module):
         if given != count:
             raise WrongValue("fibre_damping", f"{given} rows", f"{count}, one a fibre")
 
-    def critically_damped(self, part: ArrayLike = 1.0) -> MovingKnee:
+    def critically_damped(self, part: ArrayLike = 1.0) -> "MovingKnee":
         """With the damping of paper 2 in every fibre: `sqrt(4 k m)` of the tibia's mass.
 
         Args:
@@ -136,7 +136,7 @@ class MovingKnee(eqx.Module):
         )
         return dataclasses.replace(self, fibre_damping=jnp.asarray(part, float) * critical)
 
-    def damped_everywhere(self, per_mm: ArrayLike) -> MovingKnee:
+    def damped_everywhere(self, per_mm: ArrayLike) -> "MovingKnee":
         """With every coordinate damped alike, to settle.
 
         Args:
@@ -238,7 +238,7 @@ class Moment(eqx.Module):
     @classmethod
     def at_first(
         cls, moving: MovingKnee, q: Array, rate: Array, pull: Array
-    ) -> tuple[Moment, Array]:
+    ) -> "tuple[Moment, Array]":
         """At the start, of rates `(6 bodies, lanes)` and pull, N; and where contacts meet."""
         contact_points = moving.knee.contact_points(State.of({}, q, moving.knee.bodies))
         there, rates, pressing = jax.jvp(

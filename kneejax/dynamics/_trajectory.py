@@ -1,6 +1,6 @@
 """A motion through time, as people ask for it and read it."""
 
-from __future__ import annotations
+__all__ = ["LoadCurve", "Trajectory", "given_of", "move"]
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -40,7 +40,7 @@ class LoadCurve(eqx.Module):
     loads: tuple[Load, ...]
 
     @classmethod
-    def of(cls, time_s: ArrayLike, *loads: Load) -> LoadCurve:
+    def of(cls, time_s: ArrayLike, *loads: Load) -> "LoadCurve":
         """Make one; arrays of the loads may be of one time, `(3,)`.
 
         Raises:

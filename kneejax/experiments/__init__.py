@@ -1,61 +1,15 @@
 """Experiments on a knee: each is a few lines over statics."""
 
-from kneejax.experiments._activity import Activity as Activity
-from kneejax.experiments._activity import activity as activity
-from kneejax.experiments._branches import Branch as Branch
-from kneejax.experiments._branches import branches as branches
-from kneejax.experiments._branches import second_balances as second_balances
-from kneejax.experiments._curves import LAXITY_COLUMNS as LAXITY_COLUMNS
-from kneejax.experiments._curves import Curves as Curves
-from kneejax.experiments._curves import Laxity as Laxity
-from kneejax.experiments._curves import laxity as laxity
-from kneejax.experiments._curves import load_curves as load_curves
-from kneejax.experiments._curves import mechanics_of as mechanics_of
-from kneejax.experiments._evaluate import Mechanics as Mechanics
-from kneejax.experiments._evaluate import evaluate as evaluate
-from kneejax.experiments._evaluate import evaluate_beside as evaluate_beside
-from kneejax.experiments._evaluate import load_share as load_share
-from kneejax.experiments._evaluate import slack_poses as slack_poses
-from kneejax.experiments._evaluate import status_of as status_of
-from kneejax.experiments._extensor import Extensor as Extensor
-from kneejax.experiments._extensor import at_rest as at_rest
-from kneejax.experiments._extensor import isometric_extension as isometric_extension
-from kneejax.experiments._extensor import leg_raise as leg_raise
-from kneejax.experiments._extensor import patellar_tracking as patellar_tracking
-from kneejax.experiments._extensor_by_length import DrivenExtensor as DrivenExtensor
-from kneejax.experiments._extensor_by_length import extension_by_length as extension_by_length
-from kneejax.experiments._extensor_by_length import leg_raise_by_length as leg_raise_by_length
-from kneejax.experiments._extensor_mechanism import TENDON as TENDON
-from kneejax.experiments._extensor_mechanism import Shank as Shank
-from kneejax.experiments._extensor_mechanism import leg_of_person as leg_of_person
-from kneejax.experiments._frames import Frames as Frames
-from kneejax.experiments._lab_tests import HELD as HELD
-from kneejax.experiments._lab_tests import READY as READY
-from kneejax.experiments._lab_tests import LabTest as LabTest
-from kneejax.experiments._lab_tests import lab_tests as lab_tests
-from kneejax.experiments._lab_tests import load_cycle as load_cycle
-from kneejax.experiments._measured_test import COUNTED_FROM as COUNTED_FROM
-from kneejax.experiments._measured_test import READINGS as READINGS
-from kneejax.experiments._measured_test import WITHOUT_LOADS as WITHOUT_LOADS
-from kneejax.experiments._measured_test import MeasuredTest as MeasuredTest
-from kneejax.experiments._measured_test import counts_like_poses as counts_like_poses
-from kneejax.experiments._measured_test import reading_unit as reading_unit
-from kneejax.experiments._measured_test import weights_by_load as weights_by_load
-from kneejax.experiments._motion import Motion as Motion
-from kneejax.experiments._motion import Way as Way
-from kneejax.experiments._motion import flipped as flipped
-from kneejax.experiments._motion import near_flip as near_flip
-from kneejax.experiments._motion import passive_flexion as passive_flexion
-from kneejax.experiments._motion import ways_of as ways_of
-from kneejax.experiments._motion import with_flips as with_flips
-from kneejax.experiments._recorded import Cycle as Cycle
-from kneejax.experiments._recorded import Round as Round
-from kneejax.experiments._recorded import against_load as against_load
-from kneejax.experiments._recorded import cycle_of as cycle_of
-from kneejax.experiments._recorded import weights as weights
-from kneejax.experiments._transient import MOST_ERROR_MM as MOST_ERROR_MM
-from kneejax.experiments._transient import RaisedLeg as RaisedLeg
-from kneejax.experiments._transient import Transient as Transient
-from kneejax.experiments._transient import beginning as beginning
-from kneejax.experiments._transient import raised_leg as raised_leg
-from kneejax.experiments._transient import transient as transient
+from kneejax.experiments._activity import *
+from kneejax.experiments._branches import *
+from kneejax.experiments._curves import *
+from kneejax.experiments._evaluate import *
+from kneejax.experiments._extensor import *
+from kneejax.experiments._extensor_by_length import *
+from kneejax.experiments._extensor_mechanism import *
+from kneejax.experiments._frames import *
+from kneejax.experiments._lab_tests import *
+from kneejax.experiments._measured_test import *
+from kneejax.experiments._motion import *
+from kneejax.experiments._recorded import *
+from kneejax.experiments._transient import *

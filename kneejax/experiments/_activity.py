@@ -8,7 +8,7 @@ come to a balance far from the intact knee's though one is near it: a knee that 
 also where the intact one balances, cut while the loads act.
 """
 
-from __future__ import annotations
+__all__ = ["Activity", "activity"]
 
 import dataclasses
 from collections.abc import Iterable
@@ -222,7 +222,7 @@ class Instants:
     @classmethod
     def of(
         cls, knee: Knee, load_cases: LoadCases, near: Motion | None = None
-    ) -> tuple[Instants, SecondBalances]:
+    ) -> "tuple[Instants, SecondBalances]":
         """Find them all, and second ones: of a knee without a lane axis, its numbers known."""
         count = len(load_cases)
         found = cls(knee, jax.tree.map(np.asarray, load_cases.of(knee)), near)

@@ -1,6 +1,6 @@
 """Branches of equilibria: second balances at one flexion, and what divides them."""
 
-from __future__ import annotations
+__all__ = ["Branch", "branches", "second_balances"]
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """What a knee answers to a test under load: curves of load over displacement, and laxity."""
 
-from __future__ import annotations
+__all__ = ["LAXITY_COLUMNS", "Curves", "Laxity", "laxity", "load_curves", "mechanics_of"]
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """What holds a knee in given poses: forces, strains, contacts, slack."""
 
-from __future__ import annotations
+__all__ = ["Mechanics", "evaluate", "evaluate_beside", "load_share", "slack_poses", "status_of"]
 
 from contextlib import AbstractContextManager
 

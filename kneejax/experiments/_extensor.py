@@ -5,7 +5,7 @@ about the flexion axis grows. So paths lead to each angle once, and from there a
 by side, each from where it is expected.
 """
 
-from __future__ import annotations
+__all__ = ["Extensor", "at_rest", "isometric_extension", "leg_raise", "patellar_tracking"]
 
 import dataclasses
 import functools

@@ -5,7 +5,7 @@ stretches by what its pull differs from what it expects; a balance whose pull is
 has the given length itself, and a few balances lead there, each expecting the pull of the last.
 """
 
-from __future__ import annotations
+__all__ = ["DrivenExtensor", "extension_by_length", "leg_raise_by_length"]
 
 import dataclasses
 from collections.abc import Sequence

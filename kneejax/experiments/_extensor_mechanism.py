@@ -1,6 +1,6 @@
 """The extensor mechanism: quadriceps, patella, patellar tendon, and gravity on the leg."""
 
-from __future__ import annotations
+__all__ = ["TENDON", "Shank", "leg_of_person"]
 
 import dataclasses
 from collections.abc import Callable
@@ -69,7 +69,7 @@ class Shank:
     @classmethod
     def of_person(
         cls, body_kg: float, height_m: float, ankle_kg: float = 0.0, femur_deg: float = 0.0
-    ) -> Shank:
+    ) -> "Shank":
         """Of a person of usual proportions (Winter 2009).
 
         Args:

@@ -1,6 +1,6 @@
 """Frames of a knee that moves: when each was taken, and what moved with the knee."""
 
-from __future__ import annotations
+__all__ = ["Frames"]
 
 import dataclasses
 import functools

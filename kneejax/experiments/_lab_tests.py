@@ -1,6 +1,6 @@
 """A test under load, as data, and the usual ones by name."""
 
-from __future__ import annotations
+__all__ = ["HELD", "READY", "LabTest", "lab_tests", "load_cycle"]
 
 import dataclasses
 from collections.abc import Iterable, Mapping

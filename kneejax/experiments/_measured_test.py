@@ -1,6 +1,9 @@
 """A test under load as somebody measured it."""
 
-from __future__ import annotations
+__all__ = [
+    "COUNTED_FROM", "READINGS", "WITHOUT_LOADS", "MeasuredTest", "counts_like_poses",
+    "reading_unit", "weights_by_load",
+]
 
 import dataclasses
 import functools
@@ -108,7 +111,7 @@ class MeasuredTest:
     sd_N: float | None = None
     sd_strain: float | None = None
     weight: np.ndarray | None = None
-    frames: Frames | None = None
+    frames: "Frames | None" = None
     within_deg: float = 1.0
 
     def __post_init__(self) -> None:
@@ -317,7 +320,7 @@ class MeasuredTest:
         return int(zero)
 
     @classmethod
-    def of(cls, curves: Curves, **given) -> MeasuredTest:
+    def of(cls, curves: "Curves", **given) -> "MeasuredTest":
         """What a laboratory would measure of a knee that answers with these curves.
 
         Args:

@@ -1,6 +1,6 @@
 """Passive flexion, and other ways to bend a knee."""
 
-from __future__ import annotations
+__all__ = ["Motion", "Way", "flipped", "near_flip", "passive_flexion", "ways_of", "with_flips"]
 
 import dataclasses
 import enum

@@ -1,6 +1,6 @@
 """What was recorded: the cycle of an activity, rounds of its search, the sense of a test."""
 
-from __future__ import annotations
+__all__ = ["Cycle", "Round", "against_load", "cycle_of", "weights"]
 
 import dataclasses
 from collections.abc import Sequence

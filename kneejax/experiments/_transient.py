@@ -1,6 +1,6 @@
 """A knee through time: loaded, led or let go until it is at rest, and a leg that is raised."""
 
-from __future__ import annotations
+__all__ = ["MOST_ERROR_MM", "RaisedLeg", "Transient", "beginning", "raised_leg", "transient"]
 
 import dataclasses
 from collections.abc import Callable, Mapping

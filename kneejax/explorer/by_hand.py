@@ -1,6 +1,6 @@
 """A study moved by hand: its knee's motion, objective and coupling at any values."""
 
-from __future__ import annotations
+__all__ = ["ByHand"]
 
 import os
 from collections.abc import Mapping

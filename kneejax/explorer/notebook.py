@@ -1,6 +1,6 @@
 """Sliders, curves and a map of two parameters, side by side in a notebook."""
 
-from __future__ import annotations
+__all__ = ["explore"]
 
 import os
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ def explore(
     at: Mapping[str, float] | None = None,
     pair: tuple[str, str] | None = None,
     grid: tuple[int, int] = (25, 25),
-) -> Explorer:
+) -> "Explorer":
     """Move a study's parameters by sliders in a notebook, with its curves and a map of two of them.
 
     Needs a running kernel and `kneejax[notebook]`. `kneejax explore STUDY` shows the knee in space.

@@ -1,6 +1,6 @@
 """The page: sliders, curves and bars beside the knee."""
 
-from __future__ import annotations
+__all__ = ["Page"]
 
 import time
 from collections import deque

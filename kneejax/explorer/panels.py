@@ -1,8 +1,6 @@
 """What stands beside the knee: numbers, scales of colours, sensitivity bars, curves; and gizmos on
 the ends of a ligament."""
 
-from __future__ import annotations
-
 import functools
 import html
 from collections.abc import Callable, Mapping, Sequence

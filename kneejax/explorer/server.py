@@ -7,7 +7,7 @@ of the link (kept in a cookie, since the page opens its socket without the link)
 kind of each message, and the value that it sets.
 """
 
-from __future__ import annotations
+__all__ = ["serve"]
 
 import functools
 import hmac

@@ -1,6 +1,6 @@
 """What a person has set, as a link holds it; the pose and curves that it gives; files of it."""
 
-from __future__ import annotations
+__all__ = ["Setting", "Subject"]
 
 import dataclasses
 import math
@@ -58,13 +58,13 @@ class Setting:
         """Name -> number."""
         return dict(self.numbers)
 
-    def to(self, name: str, number: float | None) -> Setting:
+    def to(self, name: str, number: float | None) -> "Setting":
         """The same with another number; None takes it away."""
         others = {k: x for k, x in self.numbers if k != name}
         return Setting.of(others if number is None else others | {name: float(number)})
 
     @classmethod
-    def of(cls, numbers: Mapping[str, float]) -> Setting:
+    def of(cls, numbers: Mapping[str, float]) -> "Setting":
         """A setting from numbers by name."""
         return cls(tuple(sorted(numbers.items())))
 
@@ -75,7 +75,7 @@ class Setting:
         return urlencode(words)
 
     @classmethod
-    def of_link(cls, query: str) -> Setting:
+    def of_link(cls, query: str) -> "Setting":
         """The setting of a link; what is no number is left out."""
         numbers = {}
         for name, word in parse_qsl(query):
@@ -117,7 +117,7 @@ class Subject:
     limits: dict[str, tuple[float, float, float]]
 
     @classmethod
-    def of(cls, knee: Knee, parameters: Sequence[str] = ()) -> Subject:
+    def of(cls, knee: Knee, parameters: Sequence[str] = ()) -> "Subject":
         """What can be set of a knee.
 
         Args:

@@ -5,7 +5,7 @@ curves. A pose begins near the last one and takes some milliseconds; at rest it 
 one that is reached by bending and then loading the knee, as `passive_flexion` does.
 """
 
-from __future__ import annotations
+__all__ = ["Solver"]
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,5 +1,11 @@
 """Knees, measurements, laxities and studies that come with the package."""
 
+__all__ = [
+    "LaxityBand", "Measurement", "absent_measurement", "bundled_bands", "bundled_examples",
+    "bundled_files", "bundled_knee_descriptions", "bundled_knees", "bundled_laxity_sources",
+    "bundled_measurements", "bundled_path", "bundled_studies", "named_document", "named_path",
+]
+
 import dataclasses
 import math
 import os

@@ -1,5 +1,7 @@
 """Joint files: the axis points of a simple joint, in readable YAML, and the joint for OpenSim."""
 
+__all__ = ["JointExport", "JointFile", "export_joint", "format_joint", "read_joint", "write_joint"]
+
 import dataclasses
 import os
 from typing import Annotated

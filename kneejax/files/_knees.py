@@ -1,5 +1,7 @@
 """A knee by its name, from its file, as a calibration found it, or with numbers set by name."""
 
+__all__ = ["check_new", "load_knee", "load_knee_file", "write_calibrated_knee"]
+
 import os
 import warnings
 from pathlib import Path

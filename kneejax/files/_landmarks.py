@@ -1,5 +1,10 @@
 """Axis points of a femur, in YAML or CSV, and landmarks of femur and tibia, in YAML."""
 
+__all__ = [
+    "AxisPoints", "read_axis_points", "read_femur_landmarks", "read_tibia_landmarks",
+    "write_axis_points",
+]
+
 import dataclasses
 import itertools
 import os

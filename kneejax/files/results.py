@@ -1,5 +1,7 @@
 """What earlier work left: a calibration's result.json, finished parts of long work, netCDF."""
 
+__all__ = ["Calibrated", "Checkpoints", "read_calibrated", "write_netcdf"]
+
 import dataclasses
 import hashlib
 import io

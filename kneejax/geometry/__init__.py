@@ -1,81 +1,14 @@
 """Rigid motions, coordinate conventions and analytic surfaces. Knows no mechanics."""
 
-from kneejax.geometry._articular import Condyle as Condyle
-from kneejax.geometry._articular import Condyles as Condyles
-from kneejax.geometry._articular import Plateau as Plateau
-from kneejax.geometry._bases import BASES as BASES
-from kneejax.geometry._bases import CUBIC_SPLINE as CUBIC_SPLINE
-from kneejax.geometry._bases import POWER as POWER
-from kneejax.geometry._bases import partials as partials
-from kneejax.geometry._conventions import CLINICAL as CLINICAL
-from kneejax.geometry._conventions import CONVENTION_WORDS as CONVENTION_WORDS
-from kneejax.geometry._conventions import CONVENTIONS as CONVENTIONS
-from kneejax.geometry._conventions import FEMORAL as FEMORAL
-from kneejax.geometry._conventions import convert as convert
-from kneejax.geometry._conventions import convert_table as convert_table
-from kneejax.geometry._conventions import grood_suntay_axes as grood_suntay_axes
-from kneejax.geometry._coordinates import ARM_MM as ARM_MM
-from kneejax.geometry._coordinates import BODIES as BODIES
-from kneejax.geometry._coordinates import BY_COORDINATE as BY_COORDINATE
-from kneejax.geometry._coordinates import COLUMNS as COLUMNS
-from kneejax.geometry._coordinates import COORDINATES as COORDINATES
-from kneejax.geometry._coordinates import FEMUR as FEMUR
-from kneejax.geometry._coordinates import FEMUR_AND_TIBIA as FEMUR_AND_TIBIA
-from kneejax.geometry._coordinates import FREE_COORDINATES as FREE_COORDINATES
-from kneejax.geometry._coordinates import OTHER_COLUMNS as OTHER_COLUMNS
-from kneejax.geometry._coordinates import PATELLA as PATELLA
-from kneejax.geometry._coordinates import TIBIA as TIBIA
-from kneejax.geometry._coordinates import Coordinate as Coordinate
-from kneejax.geometry._coordinates import Pair as Pair
-from kneejax.geometry._coordinates import Prescribed as Prescribed
-from kneejax.geometry._coordinates import State as State
-from kneejax.geometry._coordinates import coordinate as coordinate
-from kneejax.geometry._coordinates import coordinates_of as coordinates_of
-from kneejax.geometry._coordinates import free_of as free_of
-from kneejax.geometry._coordinates import prescribed_of as prescribed_of
-from kneejax.geometry._coordinates import scales as scales
-from kneejax.geometry._coordinates import table_units as table_units
-from kneejax.geometry._fit_cylinder import CylinderFit as CylinderFit
-from kneejax.geometry._fit_cylinder import fit_cylinder as fit_cylinder
-from kneejax.geometry._fit_cylinder import fit_transverse_axis as fit_transverse_axis
-from kneejax.geometry._fit_spline import SplineFit as SplineFit
-from kneejax.geometry._fit_spline import fit_condyle_spline as fit_condyle_spline
-from kneejax.geometry._fit_spline import fit_plateau_spline as fit_plateau_spline
-from kneejax.geometry._fit_surface import SurfaceFit as SurfaceFit
-from kneejax.geometry._fit_surface import fit_condyle as fit_condyle
-from kneejax.geometry._fit_surface import fit_ellipsoid as fit_ellipsoid
-from kneejax.geometry._fit_surface import fit_plane as fit_plane
-from kneejax.geometry._fit_surface import fit_plateau as fit_plateau
-from kneejax.geometry._fit_surface import fit_sphere as fit_sphere
-from kneejax.geometry._pose import Frame as Frame
-from kneejax.geometry._pose import Placement as Placement
-from kneejax.geometry._pose import Pose as Pose
-from kneejax.geometry._pose import angles_from_rotation as angles_from_rotation
-from kneejax.geometry._pose import numbers as numbers
-from kneejax.geometry._pose import rotation_from_angles as rotation_from_angles
-from kneejax.geometry._quadrics import Ellipsoid as Ellipsoid
-from kneejax.geometry._quadrics import Plane as Plane
-from kneejax.geometry._quadrics import Sphere as Sphere
-from kneejax.geometry._surface import Height as Height
-from kneejax.geometry._surface import Jet as Jet
-from kneejax.geometry._surface import Surface as Surface
-from kneejax.geometry._surface import area_element as area_element
-from kneejax.geometry._surface import excess as excess
-from kneejax.geometry._surface import inside as inside
-from kneejax.geometry._surface import jet as jet
-from kneejax.geometry._surface import normal as normal
-from kneejax.geometry._surface import principal_curvatures as principal_curvatures
-from kneejax.geometry._vectors import AXES as AXES
-from kneejax.geometry._vectors import ZERO as ZERO
-from kneejax.geometry._vectors import Matrix as Matrix
-from kneejax.geometry._vectors import Vector as Vector
-from kneejax.geometry._vectors import plus as plus
-from kneejax.geometry._vectors import times as times
-from kneejax.geometry._wrapping import SIDES as SIDES
-from kneejax.geometry._wrapping import Obstacle as Obstacle
-from kneejax.geometry._wrapping import TautPath as TautPath
-from kneejax.geometry._wrapping import WrapCylinder as WrapCylinder
-from kneejax.geometry._wrapping import WrapEllipsoid as WrapEllipsoid
-from kneejax.geometry._wrapping import WrapSphere as WrapSphere
-from kneejax.geometry._wrapping import path_points as path_points
-from kneejax.geometry._wrapping import taut as taut
+from kneejax.geometry._articular import *
+from kneejax.geometry._bases import *
+from kneejax.geometry._conventions import *
+from kneejax.geometry._coordinates import *
+from kneejax.geometry._fit_cylinder import *
+from kneejax.geometry._fit_spline import *
+from kneejax.geometry._fit_surface import *
+from kneejax.geometry._pose import *
+from kneejax.geometry._quadrics import *
+from kneejax.geometry._surface import *
+from kneejax.geometry._vectors import *
+from kneejax.geometry._wrapping import *

@@ -1,7 +1,7 @@
 """Articular surfaces, each a table of values over a rectangle of two variables: femoral condyles,
 one or several side by side, and tibial plateaus."""
 
-from __future__ import annotations
+__all__ = ["Condyle", "Condyles", "Plateau"]
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -230,7 +230,7 @@ class Condyles(eqx.Module):
         return isinstance(surface, Condyle) and surface.basis == CUBIC_SPLINE
 
     @classmethod
-    def of(cls, condyles: Sequence[Condyle]) -> Condyles:
+    def of(cls, condyles: Sequence[Condyle]) -> "Condyles":
         """Condyles in a row; their numbers have the same axes, and their frames are left out."""
 
         regions = zip(*(one.region for one in condyles), strict=True)

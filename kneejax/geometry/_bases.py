@@ -12,7 +12,7 @@ nothing else: their cost does not grow with the table. They are gathered from th
 basis function at every point takes fifteen times as long (docs/performance.md).
 """
 
-from __future__ import annotations
+__all__ = ["BASES", "CUBIC_SPLINE", "POWER", "partials"]
 
 import functools
 import math
@@ -146,7 +146,7 @@ class SplineTables(eqx.Module):
     columns: Array  # likewise
 
     @classmethod
-    def of(cls, tables: Sequence[Array]) -> SplineTables:
+    def of(cls, tables: Sequence[Array]) -> "SplineTables":
         """Tables `(rows, columns, ...)` under one another, the first axis of the rest theirs."""
         batch = jnp.broadcast_shapes(*(table.shape[2:] for table in tables))
         rows, columns = np.array([table.shape[:2] for table in tables]).T

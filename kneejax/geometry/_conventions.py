@@ -5,7 +5,10 @@ anterior, superior, lateral), in rad and mm; they differ in the axes along which
 measured and in the order of rotations.
 """
 
-from __future__ import annotations
+__all__ = [
+    "CLINICAL", "CONVENTIONS", "CONVENTION_WORDS", "FEMORAL", "convert", "convert_table",
+    "grood_suntay_axes",
+]
 
 from collections.abc import Callable
 from functools import partial

@@ -5,7 +5,11 @@ as `kneejax.geometry.Pose` says. Names differ among bodies, so a choice of coord
 prescribed, is a set of names.
 """
 
-from __future__ import annotations
+__all__ = [
+    "ARM_MM", "BODIES", "BY_COORDINATE", "COLUMNS", "COORDINATES", "FEMUR", "FEMUR_AND_TIBIA",
+    "FREE_COORDINATES", "OTHER_COLUMNS", "PATELLA", "TIBIA", "Coordinate", "Pair", "Prescribed",
+    "State", "coordinate", "coordinates_of", "free_of", "prescribed_of", "scales", "table_units",
+]
 
 import dataclasses
 import math
@@ -263,7 +267,7 @@ class State(eqx.Module):
     poses: dict[str, Pose]
 
     @classmethod
-    def of(cls, prescribed: Prescribed, q: Array, bodies: Sequence[str] = (TIBIA,)) -> State:
+    def of(cls, prescribed: Prescribed, q: Array, bodies: Sequence[str] = (TIBIA,)) -> "State":
         """Make a state from its prescribed and its free coordinates.
 
         Args:

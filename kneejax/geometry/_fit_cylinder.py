@@ -1,6 +1,6 @@
 """Least-squares cylinder of points, such as those of a facet of a condyle."""
 
-from __future__ import annotations
+__all__ = ["CylinderFit", "fit_cylinder", "fit_transverse_axis"]
 
 import dataclasses
 

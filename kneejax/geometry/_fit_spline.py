@@ -6,7 +6,7 @@ the distances of points that were held out, a patch at a time: a point's neighbo
 much about it.
 """
 
-from __future__ import annotations
+__all__ = ["SplineFit", "fit_condyle_spline", "fit_plateau_spline"]
 
 import dataclasses
 from collections.abc import Sequence
@@ -170,11 +170,11 @@ class _Sheet:
     weight: np.ndarray
     region: tuple[tuple[float, float], tuple[float, float]]
 
-    def part(self, rows: np.ndarray | slice) -> _Sheet:
+    def part(self, rows: np.ndarray | slice) -> "_Sheet":
         a, b, value, weight = (x[rows] for x in (self.a, self.b, self.value, self.weight))
         return _Sheet(a, b, value, weight, self.region)
 
-    def beyond(self, fall: float) -> _Sheet:
+    def beyond(self, fall: float) -> "_Sheet":
         """Places of the region far from every point, where a spline would go where it likes, with
         little weight: the nearest point's value less `fall` times the distance, at least half."""
         axes = [

@@ -6,7 +6,7 @@ and in the bone's frame; the meshes themselves are read in `kneejax.files`.
 A polynomial is linear in its coefficients: one factorisation fits it.
 """
 
-from __future__ import annotations
+__all__ = ["SurfaceFit", "fit_condyle", "fit_ellipsoid", "fit_plane", "fit_plateau", "fit_sphere"]
 
 import dataclasses
 from typing import Generic, TypeVar

@@ -1,6 +1,6 @@
 """The pose of a body in the femur, and rigid placements."""
 
-from __future__ import annotations
+__all__ = ["Frame", "Placement", "Pose", "angles_from_rotation", "numbers", "rotation_from_angles"]
 
 from typing import Any
 
@@ -47,12 +47,12 @@ class Placement(eqx.Module):
         """The point whose image is `point`."""
         return self.turn_back(Vector(*point) - self.translation)
 
-    def inverse(self) -> Placement:
+    def inverse(self) -> "Placement":
         """The motion that undoes this one."""
         back = None if self.rotation is None else self.rotation.T
         return Placement(back, -self.turn_back(self.translation))
 
-    def after(self, first: Placement) -> Placement:
+    def after(self, first: "Placement") -> "Placement":
         """This motion after `first`."""
         if self.rotation is None or first.rotation is None:
             rotation = self.rotation if first.rotation is None else first.rotation
@@ -129,7 +129,7 @@ class Pose(eqx.Module):
     lateral: Array
 
     @classmethod
-    def from_table(cls, table: ArrayLike) -> Pose:
+    def from_table(cls, table: ArrayLike) -> "Pose":
         """Make poses from rows of degrees and mm.
 
         Args:

@@ -1,6 +1,6 @@
 """Plane, sphere and ellipsoid."""
 
-from __future__ import annotations
+__all__ = ["Ellipsoid", "Plane", "Sphere"]
 
 import jax.numpy as jnp
 from jax import Array

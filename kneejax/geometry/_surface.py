@@ -6,7 +6,10 @@ solid, with unit gradient on the surface (`level`). Contact reads the femoral si
 and the tibial side by its level, or the other way round; any pair of surfaces can meet.
 """
 
-from __future__ import annotations
+__all__ = [
+    "Height", "Jet", "Surface", "area_element", "excess", "inside", "jet", "normal",
+    "principal_curvatures",
+]
 
 import abc
 from collections.abc import Callable

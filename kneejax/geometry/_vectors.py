@@ -9,7 +9,7 @@ A component that is known to be zero or one is the Python number `0.0` or `1.0`,
 XLA must not drop a product with a zero array, this module may.
 """
 
-from __future__ import annotations
+__all__ = ["AXES", "ZERO", "Matrix", "Vector", "plus", "times"]
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -100,33 +100,33 @@ class Vector(_Three):
     z: Component
 
     @classmethod
-    def of(cls, components: Array) -> Vector:
+    def of(cls, components: Array) -> "Vector":
         """The vector whose components stand along axis 0 of an array."""
         return cls(components[0], components[1], components[2])
 
-    def __add__(self, other: Vector) -> Vector:
+    def __add__(self, other: "Vector") -> "Vector":
         return Vector(plus(self.x, other.x), plus(self.y, other.y), plus(self.z, other.z))
 
-    def __sub__(self, other: Vector) -> Vector:
+    def __sub__(self, other: "Vector") -> "Vector":
         return Vector(minus(self.x, other.x), minus(self.y, other.y), minus(self.z, other.z))
 
-    def __neg__(self) -> Vector:
+    def __neg__(self) -> "Vector":
         return Vector(minus(0.0, self.x), minus(0.0, self.y), minus(0.0, self.z))
 
-    def __mul__(self, factor: Component | Vector) -> Vector:
+    def __mul__(self, factor: "Component | Vector") -> "Vector":
         fx, fy, fz = factor if isinstance(factor, Vector) else (factor,) * 3
         return Vector(times(fx, self.x), times(fy, self.y), times(fz, self.z))
 
     __rmul__ = __mul__
 
-    def __truediv__(self, divisor: Component) -> Vector:
+    def __truediv__(self, divisor: Component) -> "Vector":
         return (1.0 / divisor) * self
 
-    def __matmul__(self, other: Vector) -> Any:
+    def __matmul__(self, other: "Vector") -> Any:
         x, y, z = times(self.x, other.x), times(self.y, other.y), times(self.z, other.z)
         return plus(plus(x, y), z)
 
-    def cross(self, other: Vector) -> Vector:
+    def cross(self, other: "Vector") -> "Vector":
         """Vector product, right-handed."""
         return Vector(
             minus(times(self.y, other.z), times(self.z, other.y)),
@@ -138,7 +138,7 @@ class Vector(_Three):
         """Length, with derivative zero (not NaN) at the zero vector."""
         return safe_sqrt(self @ self)
 
-    def full(self) -> Vector:
+    def full(self) -> "Vector":
         """The same with an array for every component, all of one shape."""
         return Vector(*jnp.broadcast_arrays(*(jnp.asarray(c, float) for c in self)))
 
@@ -170,34 +170,34 @@ class Matrix(_Three):
     @overload
     def __matmul__(self, other: Vector) -> Vector: ...
     @overload
-    def __matmul__(self, other: Matrix) -> Matrix: ...
-    def __matmul__(self, other: Vector | Matrix) -> Vector | Matrix:
+    def __matmul__(self, other: "Matrix") -> "Matrix": ...
+    def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
         if isinstance(other, Matrix):
             return Matrix(*(self @ column for column in other.T)).T
         return Vector(self.x @ other, self.y @ other, self.z @ other)
 
-    def __sub__(self, other: Matrix) -> Matrix:
+    def __sub__(self, other: "Matrix") -> "Matrix":
         return Matrix(self.x - other.x, self.y - other.y, self.z - other.z)
 
     @property
-    def T(self) -> Matrix:
+    def T(self) -> "Matrix":
         """The transpose."""
         return Matrix(*(Vector(*column) for column in zip(self.x, self.y, self.z, strict=True)))
 
     @classmethod
-    def about_x(cls, angle: Array | float) -> Matrix:
+    def about_x(cls, angle: Array | float) -> "Matrix":
         """Rotation about X by an angle in rad."""
         c, s = jnp.cos(angle), jnp.sin(angle)
         return cls(Vector(1.0, 0.0, 0.0), Vector(0.0, c, -s), Vector(0.0, s, c))
 
     @classmethod
-    def about_y(cls, angle: Array | float) -> Matrix:
+    def about_y(cls, angle: Array | float) -> "Matrix":
         """Rotation about Y by an angle in rad."""
         c, s = jnp.cos(angle), jnp.sin(angle)
         return cls(Vector(c, 0.0, s), Vector(0.0, 1.0, 0.0), Vector(-s, 0.0, c))
 
     @classmethod
-    def about_z(cls, angle: Array | float) -> Matrix:
+    def about_z(cls, angle: Array | float) -> "Matrix":
         """Rotation about Z by an angle in rad."""
         c, s = jnp.cos(angle), jnp.sin(angle)
         return cls(Vector(c, -s, 0.0), Vector(s, c, 0.0), Vector(0.0, 0.0, 1.0))

@@ -24,8 +24,6 @@ within a thousandth of the surface cost two digits. Where another side is shorte
 0.1 mm the fan may choose the longer one (6 of 16,000).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -168,7 +166,7 @@ class _Stride(NamedTuple):
     curvature: Array
 
     @classmethod
-    def of(cls, step: Array, shape: Vector) -> _Stride:
+    def of(cls, step: Array, shape: Vector) -> "_Stride":
         c, d = jnp.cos(0.5 * step), jnp.sin(0.5 * step)
         inverse = inverse_of(shape) * inverse_of(shape)
         curvature = inverse[0] * inverse[1] * inverse[2]

@@ -18,8 +18,6 @@ Jacobi's equation `y'' + K y = 0` with the Gaussian curvature K, along the strai
 meet again at the end: the path is then about to lose its place as the shortest one.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

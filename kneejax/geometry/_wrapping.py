@@ -1,7 +1,10 @@
 """Fibres that wrap around convex obstacles fixed to a bone: spheres, cylinders and ellipsoids, the
 shortest paths and their derivatives."""
 
-from __future__ import annotations
+__all__ = [
+    "SIDES", "Obstacle", "TautPath", "WrapCylinder", "WrapEllipsoid", "WrapSphere", "path_points",
+    "taut",
+]
 
 from abc import abstractmethod
 from collections.abc import Callable

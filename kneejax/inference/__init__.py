@@ -18,10 +18,7 @@ from kneejax.inference.calibration import Stage as Stage
 from kneejax.inference.calibration import calibrate as calibrate
 from kneejax.inference.calibration import calibrate_side_by_side as calibrate_side_by_side
 from kneejax.inference.calibration import versions as versions
-from kneejax.inference.design import Candidate as Candidate
-from kneejax.inference.design import Design as Design
-from kneejax.inference.design import design_tests as design_tests
-from kneejax.inference.design import usual_candidates as usual_candidates
+from kneejax.inference.design import *
 from kneejax.inference.fit import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
 from kneejax.inference.fit import Noise as Noise
 from kneejax.inference.fit import Observations as Observations
@@ -29,12 +26,7 @@ from kneejax.inference.fit import Problem as Problem
 from kneejax.inference.fit import balances_of as balances_of
 from kneejax.inference.fit import fit_lanes as fit_lanes
 from kneejax.inference.fit import synthetic_motion as synthetic_motion
-from kneejax.inference.identification import Identification as Identification
-from kneejax.inference.identification import Information as Information
-from kneejax.inference.identification import fit_information as fit_information
-from kneejax.inference.identification import identify as identify
-from kneejax.inference.identification import information as information
-from kneejax.inference.identification import noise_of as noise_of
+from kneejax.inference.identification import *
 from kneejax.inference.intervals import Interval as Interval
 from kneejax.inference.intervals import IntervalKind as IntervalKind
 from kneejax.inference.intervals import Profile as Profile

@@ -1,7 +1,5 @@
 """How far an answer scatters when its data are drawn again."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 

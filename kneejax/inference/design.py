@@ -1,6 +1,6 @@
 """What to measure next: which pose, under which load, tells most about the parameters."""
 
-from __future__ import annotations
+__all__ = ["Candidate", "Design", "design_tests", "usual_candidates"]
 
 import dataclasses
 from collections.abc import Sequence

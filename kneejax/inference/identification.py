@@ -1,6 +1,8 @@
 """What measured motion can and cannot tell of a knee's parameters: its fit, Fisher information."""
 
-from __future__ import annotations
+__all__ = [
+    "Identification", "Information", "fit_information", "identify", "information", "noise_of",
+]
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -69,7 +71,7 @@ class Identification(Named):
     chi2: float
     data: int
     converged: bool
-    information: Information
+    information: "Information"
     profiles: tuple[Profile, ...]
     intervals: tuple[Interval, ...]
     motion: Motion

@@ -6,8 +6,6 @@ closed (Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4), so the pos
 one dimension, and nothing is sampled. Priors are flat in `mu` and in `tau`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

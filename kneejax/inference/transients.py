@@ -5,8 +5,6 @@ which a motion begins is computed once. Frames of a record are seldom those of t
 from the start are compared.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
@@ -60,7 +58,7 @@ class Recorded:
             raise WrongValue("changes", "nothing", "a coordinate at least")
 
     @classmethod
-    def of_table(cls, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> Recorded:
+    def of_table(cls, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> "Recorded":
         """From columns like `anterior_mm`, of which the changes from their first row count."""
         names = {coordinate(name).column: name for name in FREE_COORDINATES}
         rows = {names.get(k, k): np.asarray(x, float) for k, x in columns.items()}

@@ -1,39 +1,8 @@
 """Simplified joints: a tibia that turns about an axis, fixed or moving with flexion."""
 
-from kneejax.joints._comparison import MEASURED as MEASURED
-from kneejax.joints._comparison import MEASURES as MEASURES
-from kneejax.joints._comparison import Comparison as Comparison
-from kneejax.joints._comparison import clinical_measures as clinical_measures
-from kneejax.joints._comparison import compare_motions as compare_motions
-from kneejax.joints._comparison import poses_from_clinical as poses_from_clinical
-from kneejax.joints._facets import EXTENSION_DEG as EXTENSION_DEG
-from kneejax.joints._facets import FLEXION_DEG as FLEXION_DEG
-from kneejax.joints._facets import CondyleAxes as CondyleAxes
-from kneejax.joints._facets import Facet as Facet
-from kneejax.joints._facets import at_distance as at_distance
-from kneejax.joints._facets import condyle_axes as condyle_axes
-from kneejax.joints._facets import touching_rows as touching_rows
-from kneejax.joints._fit import JointFit as JointFit
-from kneejax.joints._fit import calibration_rows as calibration_rows
-from kneejax.joints._fit import fit_joints as fit_joints
-from kneejax.joints._frames import JointProblem as JointProblem
-from kneejax.joints._frames import UnsuitableAxis as UnsuitableAxis
-from kneejax.joints._frames import UnsuitableLandmarks as UnsuitableLandmarks
-from kneejax.joints._frames import UnsuitableMesh as UnsuitableMesh
-from kneejax.joints._frames import UnsuitablePoses as UnsuitablePoses
-from kneejax.joints._frames import femur_frame as femur_frame
-from kneejax.joints._frames import in_frame as in_frame
-from kneejax.joints._frames import joint_center as joint_center
-from kneejax.joints._frames import pose_between as pose_between
-from kneejax.joints._frames import tibia_frame as tibia_frame
-from kneejax.joints._joint import INTERPOLATIONS as INTERPOLATIONS
-from kneejax.joints._joint import Joint as Joint
-from kneejax.joints._joint import axis_between as axis_between
-from kneejax.joints._joint import check_joint as check_joint
-from kneejax.joints._joint import generalised_axis as generalised_axis
-from kneejax.joints._joint import hinge as hinge
-from kneejax.joints._joint import moving_axis as moving_axis
-from kneejax.joints._repeated_measures import FEWEST_SUBJECTS as FEWEST_SUBJECTS
-from kneejax.joints._repeated_measures import UnsuitableMotions as UnsuitableMotions
-from kneejax.joints._repeated_measures import is_tested as is_tested
-from kneejax.joints._repeated_measures import repeated_measures as repeated_measures
+from kneejax.joints._comparison import *
+from kneejax.joints._facets import *
+from kneejax.joints._fit import *
+from kneejax.joints._frames import *
+from kneejax.joints._joint import *
+from kneejax.joints._repeated_measures import *

@@ -1,7 +1,10 @@
 """The clinical measures of paper 5, and how well joint models predict measured motion in them: the
 statistics of its Tables 1 to 5."""
 
-from __future__ import annotations
+__all__ = [
+    "MEASURED", "MEASURES", "Comparison", "clinical_measures", "compare_motions",
+    "poses_from_clinical",
+]
 
 import dataclasses
 import itertools

@@ -7,7 +7,10 @@ is about as round as along, so that a cylinder fitted to all of it may lie the w
 strips along the crest.
 """
 
-from __future__ import annotations
+__all__ = [
+    "EXTENSION_DEG", "FLEXION_DEG", "CondyleAxes", "Facet", "at_distance", "condyle_axes",
+    "touching_rows",
+]
 
 import dataclasses
 

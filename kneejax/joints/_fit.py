@@ -1,6 +1,6 @@
 """Joints from measured poses and the axis points of a femur."""
 
-from __future__ import annotations
+__all__ = ["JointFit", "calibration_rows", "fit_joints"]
 
 import dataclasses
 from collections.abc import Sequence

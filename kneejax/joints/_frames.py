@@ -4,7 +4,10 @@ The frames have the package's names: X anterior, Y superior, Z lateral of a righ
 calls them Y, Z and, to medial, X.)
 """
 
-from __future__ import annotations
+__all__ = [
+    "JointProblem", "UnsuitableAxis", "UnsuitableLandmarks", "UnsuitableMesh", "UnsuitablePoses",
+    "femur_frame", "in_frame", "joint_center", "pose_between", "tibia_frame",
+]
 
 import numpy as np
 from jax.typing import ArrayLike

@@ -4,7 +4,10 @@ The tibia turns about an axis through a medial and a lateral point, which femur 
 know; both points move with flexion. Given flexion, a pose follows in closed form.
 """
 
-from __future__ import annotations
+__all__ = [
+    "INTERPOLATIONS", "Joint", "axis_between", "check_joint", "generalised_axis", "hinge",
+    "moving_axis",
+]
 
 import equinox as eqx
 import jax

@@ -1,6 +1,6 @@
 """Statistics of paired motions, by SciPy and pingouin: normality, one ANOVA, its post hoc pairs."""
 
-from __future__ import annotations
+__all__ = ["FEWEST_SUBJECTS", "UnsuitableMotions", "is_tested", "repeated_measures"]
 
 import dataclasses
 import itertools

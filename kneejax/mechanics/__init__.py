@@ -1,46 +1,14 @@
 """Scalar laws, the parts made of them, and the knee made of the parts. Knows no solver."""
 
-from kneejax.mechanics._dislocation import LIMITS as LIMITS
-from kneejax.mechanics._dislocation import WIDEST_GAP_MM as WIDEST_GAP_MM
-from kneejax.mechanics._dislocation import condyle_points as condyle_points
-from kneejax.mechanics._dislocation import dislocated as dislocated
-from kneejax.mechanics._dislocation import displacement as displacement
-from kneejax.mechanics._knee import Held as Held
-from kneejax.mechanics._knee import Knee as Knee
-from kneejax.mechanics._knee import add_lane_axis as add_lane_axis
-from kneejax.mechanics._leg_record import LegRecord as LegRecord
-from kneejax.mechanics._leg_record import MovingMass as MovingMass
-from kneejax.mechanics._leg_record import wrench_in_frame as wrench_in_frame
-from kneejax.mechanics._loads import AXES as AXES
-from kneejax.mechanics._loads import BONES as BONES
-from kneejax.mechanics._loads import GROOD_SUNTAY as GROOD_SUNTAY
-from kneejax.mechanics._loads import ConstantTensionLine as ConstantTensionLine
-from kneejax.mechanics._loads import Load as Load
-from kneejax.mechanics._loads import Support as Support
-from kneejax.mechanics._mass import CoordinateDampers as CoordinateDampers
-from kneejax.mechanics._mass import InertiaOfStep as InertiaOfStep
-from kneejax.mechanics._mass import Mass as Mass
-from kneejax.mechanics._mass import TimeStep as TimeStep
-from kneejax.mechanics._muscles import QUADRICEPS as QUADRICEPS
-from kneejax.mechanics._muscles import Cable as Cable
-from kneejax.mechanics._muscles import Muscles as Muscles
-from kneejax.mechanics._muscles import Pull as Pull
-from kneejax.mechanics._muscles import pull_of as pull_of
-from kneejax.mechanics._named_loads import NAMED_LOADS as NAMED_LOADS
-from kneejax.mechanics._named_loads import NamedLoad as NamedLoad
-from kneejax.mechanics._named_loads import load_called as load_called
-from kneejax.mechanics._named_loads import load_of as load_of
-from kneejax.mechanics._named_loads import load_opposite_to as load_opposite_to
-from kneejax.mechanics._named_loads import load_words as load_words
-from kneejax.mechanics._plausible import RANGES as RANGES
-from kneejax.mechanics._plausible import Implausible as Implausible
-from kneejax.mechanics._plausible import Range as Range
-from kneejax.mechanics._plausible import at_reference as at_reference
-from kneejax.mechanics._plausible import check_fibres as check_fibres
-from kneejax.mechanics._plausible import range_of_parameter as range_of_parameter
-from kneejax.mechanics._wrench import Wrench as Wrench
-from kneejax.mechanics._wrench import Wrenches as Wrenches
-from kneejax.mechanics._wrench import generalised_force as generalised_force
+from kneejax.mechanics._dislocation import *
+from kneejax.mechanics._knee import *
+from kneejax.mechanics._leg_record import *
+from kneejax.mechanics._loads import *
+from kneejax.mechanics._mass import *
+from kneejax.mechanics._muscles import *
+from kneejax.mechanics._named_loads import *
+from kneejax.mechanics._plausible import *
+from kneejax.mechanics._wrench import *
 from kneejax.mechanics.contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics.contact import FORMS as FORMS
 from kneejax.mechanics.contact import OFF_SURFACE_MM as OFF_SURFACE_MM

@@ -1,6 +1,6 @@
 """How far a tibia is from its place under the femur, and when a knee counts as dislocated."""
 
-from __future__ import annotations
+__all__ = ["LIMITS", "WIDEST_GAP_MM", "condyle_points", "dislocated", "displacement"]
 
 import equinox as eqx
 import jax.numpy as jnp

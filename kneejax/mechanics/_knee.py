@@ -1,6 +1,6 @@
 """The knee: one immutable pytree whose every number is a leaf."""
 
-from __future__ import annotations
+__all__ = ["Held", "Knee", "add_lane_axis"]
 
 import dataclasses
 import functools
@@ -95,7 +95,7 @@ class Knee(eqx.Module):
         for bone in {bone for pair in parts for bone in pair} - known:
             raise ValueError(f"Knee: a part joins {bone!r}; the knee's bones are {sorted(known)}")
 
-    def replace(self, values: Mapping[str, ArrayLike]) -> Knee:
+    def replace(self, values: Mapping[str, ArrayLike]) -> "Knee":
         """The same knee with other values of some parameters.
 
         Numbers that JAX traces are taken as they are, so that this can be differentiated.
@@ -197,7 +197,7 @@ class Knee(eqx.Module):
             wrenches.add(pair, pressed.of(rows).wrench)
         return Held(wrenches, energy, pressed, points, fibres)
 
-    def for_many_poses(self) -> Knee:
+    def for_many_poses(self) -> "Knee":
         """The same knee with the points of its contacts placed, which do not depend on the pose."""
         if self.foundations is not None:
             return self

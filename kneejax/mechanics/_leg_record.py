@@ -1,6 +1,6 @@
 """What was recorded of a leg that moved, and what acted on it below the knee."""
 
-from __future__ import annotations
+__all__ = ["LegRecord", "MovingMass", "wrench_in_frame"]
 
 import dataclasses
 import re
@@ -47,7 +47,7 @@ class LegRecord:
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
-    def at(self, rows: np.ndarray) -> LegRecord:
+    def at(self, rows: np.ndarray) -> "LegRecord":
         """Some of the instants, in the order of `rows`."""
         own = {x: getattr(self, x)[rows] for x in ("time_s", "pose", "quadriceps_N", "ground_N")}
         acting = {name: wrench[rows] for name, wrench in self.acting.items()}
@@ -58,7 +58,7 @@ class LegRecord:
         )
         return dataclasses.replace(self, acting=acting, muscles=muscles, **own)
 
-    def with_heads_on_patella(self) -> LegRecord:
+    def with_heads_on_patella(self) -> "LegRecord":
         """The same where heads of the quadriceps that end on the tibia pull on the patella.
 
         Models without a patella have them end there; they are known by their names (`rec...`,

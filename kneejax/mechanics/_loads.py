@@ -1,6 +1,6 @@
 """What acts on a bone from outside: wrenches, supports, lines of constant tension."""
 
-from __future__ import annotations
+__all__ = ["AXES", "BONES", "GROOD_SUNTAY", "ConstantTensionLine", "Load", "Support"]
 
 import dataclasses
 from collections.abc import Sequence
@@ -88,12 +88,12 @@ class Load(eqx.Module):
         """Where it acts: what stays while it grows."""
         return (self.point,)
 
-    def times(self, part: ArrayLike) -> Load:
+    def times(self, part: ArrayLike) -> "Load":
         """A part of it, `(...)` or one."""
         share = jnp.asarray(part)[..., None]
         return dataclasses.replace(self, force=share * self.force, moment=share * self.moment)
 
-    def at_each(self, shape: tuple[int, ...]) -> Load:
+    def at_each(self, shape: tuple[int, ...]) -> "Load":
         """Once for each of `shape` load cases."""
         xp = numpy_for(self)
         return jax.tree.map(lambda x: jnp.asarray(xp.broadcast_to(x, (*shape, 3)), float), self)

@@ -1,6 +1,6 @@
 """Mass of the bones, and what an implicit step through time adds to a knee."""
 
-from __future__ import annotations
+__all__ = ["CoordinateDampers", "InertiaOfStep", "Mass", "TimeStep"]
 
 from collections.abc import Mapping, Sequence
 
@@ -62,7 +62,7 @@ of the two others
                     "sum of the two others"
                 )
 
-    def with_point(self, mass_kg: ArrayLike, at_mm: ArrayLike) -> Mass:
+    def with_point(self, mass_kg: ArrayLike, at_mm: ArrayLike) -> "Mass":
         """With a further mass at a point of the bone, of one knee.
 
         Args:

@@ -1,6 +1,6 @@
 """Muscles as lines of given tension, cables of given length, and what pulls more than at rest."""
 
-from __future__ import annotations
+__all__ = ["QUADRICEPS", "Cable", "Muscles", "Pull", "pull_of"]
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -123,7 +123,7 @@ class Muscles(Fibres):
         """Mean length of the heads with their shares, `(...)`, mm."""
         return jnp.sum(self.shares * self.length(state), axis=0)
 
-    def pulling(self, more_N: Mapping[str, ArrayLike]) -> Muscles:
+    def pulling(self, more_N: Mapping[str, ArrayLike]) -> "Muscles":
         """The same with more tension in some of them.
 
         Args:
@@ -141,7 +141,7 @@ class Muscles(Fibres):
                 rows[row] = rows[row] + more
         return dataclasses.replace(self, tension=jnp.stack(jnp.broadcast_arrays(*rows)))
 
-    def ending(self, ends: Mapping[str, Array]) -> Muscles:
+    def ending(self, ends: Mapping[str, Array]) -> "Muscles":
         """The same with ends of some elsewhere.
 
         Args:
@@ -154,7 +154,7 @@ class Muscles(Fibres):
         femoral, tibial = (jnp.stack(jnp.broadcast_arrays(*own)) for own in rows)
         return dataclasses.replace(self, femoral_attachment=femoral, tibial_attachment=tibial)
 
-    def only(self, rows: Sequence[int]) -> Muscles:
+    def only(self, rows: Sequence[int]) -> "Muscles":
         """Some of the muscles, in order."""
         courses = [
             dataclasses.replace(course, rows=kept, via=course.via[:, np.isin(course.rows, rows)])
@@ -166,7 +166,7 @@ class Muscles(Fibres):
         names, bodies = (tuple(x[row] for row in rows) for x in (self.names, self.bodies))
         return Muscles(*ends, self.tension[some], names, courses, bodies, self.cable)
 
-    def with_more(self, others: Muscles) -> Muscles:
+    def with_more(self, others: "Muscles") -> "Muscles":
         """These and, after them, others.
 
         Raises:
@@ -262,11 +262,11 @@ class Pull(eqx.Module):
         """Where it pulls: what stays while it grows."""
         return () if self.ends is None else (self.ends,)
 
-    def times(self, part: ArrayLike) -> Pull:
+    def times(self, part: ArrayLike) -> "Pull":
         """A part of it, `(...)` or one."""
         return dataclasses.replace(self, tension=jnp.asarray(part)[..., None] * self.tension)
 
-    def at_each(self, shape: tuple[int, ...]) -> Pull:
+    def at_each(self, shape: tuple[int, ...]) -> "Pull":
         """Once for each of `shape` load cases."""
         ends = self.ends
         if ends is not None:

@@ -1,6 +1,6 @@
 """Loads by the names that laboratories give them, along the axes of Grood and Suntay."""
 
-from __future__ import annotations
+__all__ = ["NAMED_LOADS", "NamedLoad", "load_called", "load_of", "load_opposite_to", "load_words"]
 
 import dataclasses
 import re

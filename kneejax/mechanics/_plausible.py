@@ -1,6 +1,6 @@
 """Fibres that no knee has: numbers out of range, lengths, ends inside what they go around."""
 
-from __future__ import annotations
+__all__ = ["RANGES", "Implausible", "Range", "at_reference", "check_fibres", "range_of_parameter"]
 
 from functools import partial
 

@@ -1,6 +1,6 @@
 """Force and moment between bodies, and the work that they do."""
 
-from __future__ import annotations
+__all__ = ["Wrench", "Wrenches", "generalised_force"]
 
 import functools
 import operator
@@ -42,31 +42,31 @@ class Wrench(eqx.Module):
     moment: Vector
 
     @classmethod
-    def at(cls, point: Vector, force: Vector, moment: Vector = ZERO) -> Wrench:
+    def at(cls, point: Vector, force: Vector, moment: Vector = ZERO) -> "Wrench":
         """Of a force, and a moment about the point where it acts, mm."""
         return cls(force, moment + point.cross(force))
 
-    def turned(self, frame: Placement) -> Wrench:
+    def turned(self, frame: Placement) -> "Wrench":
         """In other axes with the same origin."""
         return Wrench(frame.turn(self.force), frame.turn(self.moment))
 
-    def moved(self, frame: Placement) -> Wrench:
+    def moved(self, frame: Placement) -> "Wrench":
         """From a frame's axes and origin to those of the body that carries it."""
         turned = self.turned(frame)
         return Wrench.at(frame.translation, turned.force, turned.moment)
 
-    def __add__(self, other: Wrench) -> Wrench:
+    def __add__(self, other: "Wrench") -> "Wrench":
         return Wrench(self.force + other.force, self.moment + other.moment)
 
-    def __neg__(self) -> Wrench:
+    def __neg__(self) -> "Wrench":
         return Wrench(-self.force, -self.moment)
 
-    def alone(self) -> Wrench:
+    def alone(self) -> "Wrench":
         """With a first axis of length one."""
         return jax.tree.map(lambda x: jnp.asarray(x)[None], self)
 
     @staticmethod
-    def total(wrenches: list[Wrench], axis: int = 0) -> Wrench:
+    def total(wrenches: "list[Wrench]", axis: int = 0) -> "Wrench":
         """Sum of wrenches, and of the parts that each holds along an axis."""
         sums = [jax.tree.map(lambda x: jnp.sum(x, axis=axis), wrench) for wrench in wrenches]
         return functools.reduce(operator.add, sums)
@@ -86,7 +86,7 @@ class Wrenches:
         """Add a part, or several along a first axis."""
         self.between.setdefault(pair, []).append(wrench)
 
-    def take(self, others: Wrenches) -> None:
+    def take(self, others: "Wrenches") -> None:
         """Add all that others hold."""
         for pair, parts in others.between.items():
             self.between.setdefault(pair, []).extend(parts)

@@ -1,40 +1,11 @@
 """Compiling, lanes, all cores, elimination, safe primitives. Knows no knee."""
 
-from kneejax.numerics._configure import beside as beside
-from kneejax.numerics._configure import collect_seldom as collect_seldom
-from kneejax.numerics._configure import compiled as compiled
-from kneejax.numerics._configure import compiler_options as compiler_options
-from kneejax.numerics._configure import compiling as compiling
-from kneejax.numerics._configure import configure as configure
-from kneejax.numerics._configure import on_all_cores as on_all_cores
-from kneejax.numerics._configure import share_memory_between_threads as share_memory_between_threads
-from kneejax.numerics._configure import use_shared_fusion as use_shared_fusion
-from kneejax.numerics._datasets import Named as Named
-from kneejax.numerics._elimination import identity as identity
-from kneejax.numerics._elimination import solve as solve
-from kneejax.numerics._elimination import symmetric as symmetric
-from kneejax.numerics._errors import MissingPackage as MissingPackage
-from kneejax.numerics._errors import WrongValue as WrongValue
-from kneejax.numerics._errors import check_installed as check_installed
-from kneejax.numerics._errors import imported as imported
-from kneejax.numerics._kept_programs import keep_programs as keep_programs
-from kneejax.numerics._lanes import filled as filled
-from kneejax.numerics._lanes import lanes_for as lanes_for
-from kneejax.numerics._lanes import needs_numbers as needs_numbers
-from kneejax.numerics._lanes import numpy_for as numpy_for
-from kneejax.numerics._lanes import traced as traced
-from kneejax.numerics._safe import arctan2 as arctan2
-from kneejax.numerics._safe import branch as branch
-from kneejax.numerics._safe import positive_part as positive_part
-from kneejax.numerics._safe import safe_sqrt as safe_sqrt
-from kneejax.numerics._seconds import Programs as Programs
-from kneejax.numerics._seconds import adding_up as adding_up
-from kneejax.numerics._seconds import counted_programs as counted_programs
-from kneejax.numerics._seconds import lap as lap
-from kneejax.numerics._seconds import stopwatch as stopwatch
-from kneejax.numerics._tangents import as_known as as_known
-from kneejax.numerics._tangents import instantiate as instantiate
-from kneejax.numerics._tangents import jvp_of_moved as jvp_of_moved
-from kneejax.numerics._tangents import none_of as none_of
-from kneejax.numerics._tangents import ruled as ruled
-from kneejax.numerics._tangents import unknown_where as unknown_where
+from kneejax.numerics._configure import *
+from kneejax.numerics._datasets import *
+from kneejax.numerics._elimination import *
+from kneejax.numerics._errors import *
+from kneejax.numerics._kept_programs import *
+from kneejax.numerics._lanes import *
+from kneejax.numerics._safe import *
+from kneejax.numerics._seconds import *
+from kneejax.numerics._tangents import *

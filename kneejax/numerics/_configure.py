@@ -1,6 +1,9 @@
 """What a program asks of JAX before anything is computed: cores, compiler, kept programs."""
 
-from __future__ import annotations
+__all__ = [
+    "beside", "collect_seldom", "compiled", "compiler_options", "compiling", "configure",
+    "on_all_cores", "share_memory_between_threads", "use_shared_fusion",
+]
 
 import concurrent.futures
 import contextlib

@@ -1,6 +1,6 @@
 """Results as datasets of xarray, each declared once."""
 
-from __future__ import annotations
+__all__ = ["Named"]
 
 import enum
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ class Named:
 
     def to_dataset(
         self, attributes: Mapping[str, Any] | None = None, /, **labels: Any
-    ) -> Dataset:
+    ) -> "Dataset":
         """The numbers of this result with named dimensions and units.
 
         Args:

@@ -5,7 +5,7 @@ Unrolled, entries and answers are separate arrays: what a compiler computes into
 for each row. Of many unknowns that is too much to compile, and a loop does it.
 """
 
-from __future__ import annotations
+__all__ = ["identity", "solve", "symmetric"]
 
 from collections.abc import Sequence
 

@@ -1,6 +1,6 @@
 """Errors for the person who made the mistake: packages that are missing, values that cannot be."""
 
-from __future__ import annotations
+__all__ = ["MissingPackage", "WrongValue", "check_installed", "imported"]
 
 import importlib
 import importlib.util

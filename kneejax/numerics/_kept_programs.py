@@ -15,7 +15,7 @@ replaces it: a half-written file costs its compilation in every later run, and w
 packed without a checksum a flipped bit would be run. So their checksums lie beside them.
 """
 
-from __future__ import annotations
+__all__ = ["keep_programs"]
 
 import contextlib
 import dataclasses

@@ -1,6 +1,6 @@
 """Arrays filled up, so that one compiled program serves tables of several lengths."""
 
-from __future__ import annotations
+__all__ = ["filled", "lanes_for", "needs_numbers", "numpy_for", "traced"]
 
 from types import ModuleType
 from typing import Any

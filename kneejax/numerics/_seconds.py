@@ -1,6 +1,6 @@
 """Where the time of a calculation goes: parts that add up to the whole, and the programs made."""
 
-from __future__ import annotations
+__all__ = ["Programs", "adding_up", "counted_programs", "lap", "stopwatch"]
 
 import contextlib
 import dataclasses
@@ -17,8 +17,8 @@ _COMPILED, _READ = "/jax/core/compile/backend_compile_duration", "/jax/compilati
 COMPILE, OTHER, TOTAL = "compile", "other", "total"
 #: Seconds from which on a program is called large.
 _LARGE_S = 1.0
-_running: dict[int, list[Seconds]] = {}
-_counting: list[Programs] = []
+_running: "dict[int, list[Seconds]]" = {}
+_counting: "list[Programs]" = []
 #: Threads in which JAX has found a program in its cache and not told yet which.
 _reading: set[int] = set()
 

@@ -1,6 +1,6 @@
 """Tangents in rules of differentiation."""
 
-from __future__ import annotations
+__all__ = ["as_known", "instantiate", "jvp_of_moved", "none_of", "ruled", "unknown_where"]
 
 from collections.abc import Callable
 from typing import Any

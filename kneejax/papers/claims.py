@@ -4,8 +4,6 @@
 `paperN.py` computes the `Finding` of each claim.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools
@@ -109,7 +107,7 @@ def which(parts: Mapping[str, bool]) -> str:
 
 
 def answered(
-    paper: int, claims: Sequence[Claim], figures: Mapping[str, Figure | tuple[Figure, str]],
+    paper: int, claims: Sequence[Claim], figures: "Mapping[str, Figure | tuple[Figure, str]]",
     tables: Mapping[str, Table], settings: Mapping[str, Any], doubts: Sequence[str] = (),
     words: Mapping[str, Any] | None = None, document: Mapping[str, Any] | None = None,
 ) -> Answer:

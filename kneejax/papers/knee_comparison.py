@@ -4,8 +4,6 @@ The study of paper 4: how far each variant holds the load, how its rotation, its
 pressure and the place of that differ from the unchanged knee's, and scores by its Table 5.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import time
@@ -74,7 +72,7 @@ class Change:
         return f"{self.value:+g} {CHANGED[self.quantity][1]}".strip()
 
 
-def changes_of(knee: Knee, settings: OneAtATime) -> tuple[tuple[Change, ...], tuple[Array, ...]]:
+def changes_of(knee: Knee, settings: "OneAtATime") -> tuple[tuple[Change, ...], tuple[Array, ...]]:
     """Every change of every ligament, and what `with_fibres` takes, the unchanged knee's first.
 
     A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's

@@ -1,7 +1,5 @@
 """Knees side by side in tables, words and figures: scores, and the ramps of each parameter."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from typing import TYPE_CHECKING
@@ -126,7 +124,7 @@ def _parameter_words(parameter: str) -> str:
 
 
 @styled
-def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
+def ramp_figure(found: KneeComparison, parameter: str) -> "Figure":
     """Draw what one parameter does in every knee that has it (Figures 4 and 5 of paper 4)."""
     from matplotlib.colors import Normalize
 
@@ -160,7 +158,7 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
     return figure
 
 
-def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours: dict) -> None:
+def _rotation(axes: "Axes", knee: KneeStudy, parameter: str, colours: dict) -> None:
     for run in knee.runs.values():
         shown = run.ramp.loaded
         x, angles = run.ramp.moment_Nm[shown], run.adduction_deg[:, shown]
@@ -173,7 +171,7 @@ def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours: dict) -> Non
     axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
 
 
-def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: float) -> None:
+def _held(axes: "Axes", knee: KneeStudy, parameter: str, colours: dict, full_Nm: float) -> None:
     for direction, run in knee.runs.items():
         own = float(run.moment_reached_Nm[0])
         axes.axhline(own, color=BLACK, linewidth=1.0, linestyle="--", zorder=1)
@@ -186,7 +184,7 @@ def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: f
     _value_axis(axes, knee, parameter)
 
 
-def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
+def _pressure(axes: "Axes", knee: KneeStudy, parameter: str) -> None:
     moments, halved = [], parameter.endswith("attachment")
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
@@ -207,7 +205,7 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
     axes.set_title(f"at {words} N m" if words else "not compared", fontsize=7, color=GREY)
 
 
-def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
+def _value_axis(axes: "Axes", knee: KneeStudy, parameter: str) -> None:
     if parameter.endswith("attachment"):
         axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"], fontsize=6.3)
         axes.set_xlim(-0.5, 3.5)
@@ -223,7 +221,7 @@ def _value_words(parameter: str) -> str:
     return ", ".join(filter(None, ["Change", CHANGED[quantity][1]]))
 
 
-def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
+def _legend(figure: "Figure", knee: KneeStudy, parameter: str, scale) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.lines import Line2D
 
@@ -248,7 +246,7 @@ def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
 
 
 @styled
-def score_figure(found: KneeComparison) -> Figure:
+def score_figure(found: KneeComparison) -> "Figure":
     """Draw the scores of every parameter and outcome, knees side by side (paper 4, Figs 6 to 8)."""
     import matplotlib
 

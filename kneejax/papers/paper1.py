@@ -4,8 +4,6 @@ Its section 3, on a knee of four lines. Coordinates are those of the paper's Eq 
 tibia.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial

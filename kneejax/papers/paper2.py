@@ -3,8 +3,6 @@
 Its sections 4.2 and 4.3, and Table 4.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.util
 from collections.abc import Callable, Sequence
@@ -340,7 +338,7 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
 
 
 @styled
-def lachman_figure(found: LachmanStudy) -> Figure:
+def lachman_figure(found: LachmanStudy) -> "Figure":
     """Draw displacement over force in the Lachman test, as Figure 3 of paper 2 does, at rest: with
     the printed strains and the calibrated ones. Where a curve ends early the knee gives way."""
     figure, panels = grid(1, 2, 3.4, bottom=0.92, apart=(0.2, 0.0), sharey=True)

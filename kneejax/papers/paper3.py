@@ -1,8 +1,6 @@
 """Paper 3: drawer and torsion of twelve bundles (its sections 5.1 and 5.2), and the raised leg over
 its rigid patella (sections 6 and 7)."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import TYPE_CHECKING
 
@@ -290,7 +288,7 @@ def _tibia(found: RigidLeg) -> dict[str, Finding]:
 
 
 @styled
-def drawer_figure(found: LaxityStudy) -> Figure:
+def drawer_figure(found: LaxityStudy) -> "Figure":
     """Draw force over drawer at each flexion, as Figure 10 of paper 3 does."""
     figure, panels = grid(2, 2, 5.2, left=0.7, apart=(0.2, 0.4), sharex=True, sharey=True)
     for axes, flexion, letter in zip(panels.flat, found.drawer_deg, "abcd", strict=False):
@@ -305,7 +303,7 @@ def drawer_figure(found: LaxityStudy) -> Figure:
 
 
 @styled
-def torsion_figure(found: LaxityStudy) -> Figure:
+def torsion_figure(found: LaxityStudy) -> "Figure":
     """Draw rotation over flexion, as Figure 11 does; a cross where the torque is not held."""
     figure, ((axes,),) = grid(1, 1, 3.6, width=0.75 * WIDTH, top=0.15, bottom=0.95)
     axes.axhline(0.0, color=GREY, linewidth=0.5)
@@ -326,7 +324,7 @@ def torsion_figure(found: LaxityStudy) -> Figure:
 
 
 @styled
-def raised_leg_figure(found: RigidLeg) -> Figure:
+def raised_leg_figure(found: RigidLeg) -> "Figure":
     """Draw pull, ratios of forces, moment arm, patella, cruciates and the shear on the tibia.
 
     In the layout of the paper's Figures 12 to 19. Where the quadriceps would have to push nothing

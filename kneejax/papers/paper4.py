@@ -1,7 +1,5 @@
 """Paper 4: sensitivities of several knees to one ligament at a time, against its findings."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence, Sized
 from functools import partial

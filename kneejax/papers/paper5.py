@@ -1,7 +1,5 @@
 """Paper 5: the moving axis and the hinge of ten men's knees, against its printed numbers."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -284,7 +282,7 @@ def _cohorts(found: study.Paper5Study) -> dict[str, Finding]:
 
 
 @styled
-def means_figure(found: study.Paper5Study) -> Figure:
+def means_figure(found: study.Paper5Study) -> "Figure":
     """Draw the printed means of measurement, moving axis and hinge, and the joints made again.
 
     The band holds the middle 95 % of the axis points that were drawn.

@@ -4,8 +4,6 @@ Columns are ML, AP, CD (mm), AA and IE (degrees), as `kneejax.joints.MEASURES`. 
 points nor the poses of its ten men were published: another knee's condyles stand in.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable

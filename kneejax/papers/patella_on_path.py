@@ -1,7 +1,5 @@
 """Paper 1's patella: the path on which a patella in balance moves, with one degree of freedom."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

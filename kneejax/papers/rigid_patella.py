@@ -10,8 +10,6 @@ polynomials in cylindrical coordinates for the two surfaces of the groove, plane
 for the facets, parted by a vertical ridge. They are laid through a knee's own groove and patella.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Paper 4's simulation: varus and valgus moments under axial load, and peak contact pressure."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

@@ -1,5 +1,10 @@
 """Bounds, scales and plausible ranges of parameters."""
 
+__all__ = [
+    "default_bounds", "digitised", "looked_up", "percent_scales", "prior_scales", "start_within",
+    "stated", "stated_bounds", "structure_range", "unphysiological",
+]
+
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import TypeVar

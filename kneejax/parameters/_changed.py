@@ -1,5 +1,7 @@
 """A knee with other numbers, or cut: without ligaments, menisci or parts of them."""
 
+__all__ = ["cut", "fibres_cut", "replaced", "without_menisci"]
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 

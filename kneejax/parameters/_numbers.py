@@ -12,6 +12,11 @@ one number, any leaf of a knee: `medial.youngs_modulus`, `medial.tibial_surface.
 `kneejax.quantities` calls them.
 """
 
+__all__ = [
+    "MEANING", "Assumption", "DoubtfulValue", "doubt_prior", "doubt_value", "fibres_summed",
+    "sums_in_words",
+]
+
 import dataclasses
 import math
 import warnings

@@ -4,6 +4,8 @@ A parameter belongs to a fibre, to a structure drawn as several fibres (a group)
 part; `_numbers.py` says what its value means.
 """
 
+__all__ = ["Selection", "UnknownParameter", "UnsuitableData", "fibre_rows", "select"]
+
 import dataclasses
 import functools
 import re

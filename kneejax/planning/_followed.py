@@ -6,7 +6,7 @@ slack length, in closed form. Fixed with that length, it pulls at the same pose 
 no second search.
 """
 
-from __future__ import annotations
+__all__ = ["Followed", "Protocol", "fix", "fixed_knee", "follow", "slack_length"]
 
 import dataclasses
 import functools

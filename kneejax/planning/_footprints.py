@@ -4,7 +4,10 @@ The curves are aligned by dtaidistance; the distance is the sum of the absolute 
 alignment, as in paper 2 (section 4.3).
 """
 
-from __future__ import annotations
+__all__ = [
+    "DIRECTIONS", "FARTHEST_MM", "SEMI_AXES_MM", "WINDOW", "Footprint", "footprint_of", "octagon",
+    "offsets", "warped_distances",
+]
 
 import dataclasses
 from collections.abc import Callable

@@ -4,7 +4,7 @@ NSGA-III (pymoo) finds them roughly, a population being the lanes of one search 
 derivatives then lead each of them on, for as long as some criteria become better and none worse.
 """
 
-from __future__ import annotations
+__all__ = ["GENERATIONS", "POPULATION", "Front", "pareto_front", "undominated"]
 
 import dataclasses
 import itertools

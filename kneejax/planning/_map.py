@@ -1,6 +1,6 @@
 """How exact to be: maps of tunnel positions, how far a tunnel may be off, and uncertain knees."""
 
-from __future__ import annotations
+__all__ = ["Intervals", "TunnelMap", "intervals", "on_knee", "tolerances", "tunnel_map"]
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence

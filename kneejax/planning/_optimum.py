@@ -1,6 +1,6 @@
 """The best tunnels and tension under constraints, by exact derivatives."""
 
-from __future__ import annotations
+__all__ = ["MOST_EVALUATIONS", "STARTS", "Optimum", "optimise"]
 
 import dataclasses
 

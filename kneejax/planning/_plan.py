@@ -1,6 +1,9 @@
 """A plan, and the same carried out: octagon, maps, optimum, front, and how exact to be."""
 
-from __future__ import annotations
+__all__ = [
+    "FREE", "PLANNED", "AclPlan", "PlanResult", "intact_knee", "knee_of_outcome", "operated_knees",
+    "run_plan",
+]
 
 import dataclasses
 import time

@@ -8,7 +8,7 @@ it stands among the ligaments and among the muscles, and one of both is nothing.
 the knee at fixation and the reconstructed knee are variants of one structure, found by one program.
 """
 
-from __future__ import annotations
+__all__ = ["GRAFTS", "Reconstruction", "reconstruction_of"]
 
 import dataclasses
 import functools

@@ -1,6 +1,6 @@
 """A planned reconstruction, what a choice of tunnels and tension does to the knee, and limits."""
 
-from __future__ import annotations
+__all__ = ["CHOICES", "Limits", "Near", "Outcome", "Surgery", "best_of", "criteria_of", "missed"]
 
 import dataclasses
 import functools
@@ -101,7 +101,7 @@ class Outcome(Named):
         """Largest force of any bundle, through the motion and under the tests, `(v,)`."""
         return self.graft_N.max(axis=(1, 2))
 
-    def taken(self, rows: Sequence[int] | np.ndarray) -> Outcome:
+    def taken(self, rows: Sequence[int] | np.ndarray) -> "Outcome":
         """Some of the variants, with derivatives and balances where there are any."""
         some = np.asarray(rows)
 

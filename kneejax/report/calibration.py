@@ -1,5 +1,7 @@
 """A calibration as an answer: page, files, and the screen after it."""
 
+__all__ = ["calibration_answer", "result_document", "write_report"]
+
 import math
 import os
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """What a calibration found: estimates and tests under load in tables, words and figures."""
 
+__all__ = ["parameters_figure", "remark", "tests_figure"]
+
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,5 +1,7 @@
 """Whether a calibration worked, what to doubt, and what limits the fit: sentences for everyone."""
 
+__all__ = ["Outcome", "calibration_notes", "message"]
+
 import enum
 import itertools
 import math

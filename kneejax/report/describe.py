@@ -1,5 +1,7 @@
 """A knee in words and tables for a terminal, in plain ASCII."""
 
+__all__ = ["knee_text"]
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,6 +1,8 @@
 """Motion over flexion and the forces that hold it: passive flexion and given poses as answers, and
 figures, also of what a calibration fitted."""
 
+__all__ = ["motion_figure"]
+
 import itertools
 import textwrap
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,7 @@
 """Simple joints against measured motion, as an answer with tables and figure."""
 
+__all__ = ["comparison_answer", "comparison_tables", "joint_comparison_figure"]
+
 import itertools
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence

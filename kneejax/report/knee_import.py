@@ -1,5 +1,7 @@
 """Knees made from an OpenSim model or from meshes: what was read and how well surfaces fit."""
 
+__all__ = ["surface_fit_figure"]
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any

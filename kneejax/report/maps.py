@@ -1,5 +1,7 @@
 """Maps of the objective over two parameters."""
 
+__all__ = ["map_figure", "map_matrix_figure"]
+
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,7 @@
 """A planned reconstruction as an answer: where to place the graft, how tight, how exact."""
 
+__all__ = ["plan_answer"]
+
 import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any

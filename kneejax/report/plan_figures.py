@@ -1,5 +1,7 @@
 """Figures of a plan."""
 
+__all__ = ["front_figure", "strain_figure", "tunnel_map_figure"]
+
 from collections.abc import Callable
 
 import numpy as np

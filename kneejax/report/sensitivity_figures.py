@@ -1,5 +1,7 @@
 """Sweeps (paper 1, Figures 3 to 10), derivatives, Sobol and Morris indices as figures."""
 
+__all__ = ["local_curves_figure", "local_heatmap_figure", "sweep_figure"]
+
 from typing import Any
 
 import numpy as np

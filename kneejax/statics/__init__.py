@@ -1,37 +1,11 @@
 """Balance of a knee, its stability and its exact derivatives: the one solve of the package."""
 
-from kneejax.statics._balance import Balance as Balance
-from kneejax.statics._balance import balance as balance
-from kneejax.statics._balance import force as force
-from kneejax.statics._balance import force_along as force_along
-from kneejax.statics._balance import force_derivative as force_derivative
-from kneejax.statics._equilibria import Equilibria as Equilibria
-from kneejax.statics._equilibria import equilibrium_of as equilibrium_of
-from kneejax.statics._equilibrium import Equilibrium as Equilibrium
-from kneejax.statics._equilibrium import differentiable as differentiable
-from kneejax.statics._equilibrium import needs_float64 as needs_float64
-from kneejax.statics._equilibrium import solve_equilibrium as solve_equilibrium
-from kneejax.statics._equilibrium import with_tangent as with_tangent
-from kneejax.statics._flexion_paths import continued_in_trace as continued_in_trace
-from kneejax.statics._load_cases import LoadCases as LoadCases
-from kneejax.statics._load_cases import Vary as Vary
-from kneejax.statics._load_cases import in_lanes as in_lanes
-from kneejax.statics._many import Progress as Progress
-from kneejax.statics._many import balance_lines as balance_lines
-from kneejax.statics._many import balance_many as balance_many
-from kneejax.statics._many import balance_near as balance_near
-from kneejax.statics._many import balance_one as balance_one
-from kneejax.statics._many import itself as itself
-from kneejax.statics._newton import EnergyNewton as EnergyNewton
-from kneejax.statics._newton import Guess as Guess
-from kneejax.statics._slopes import Own as Own
-from kneejax.statics._slopes import Slopes as Slopes
-from kneejax.statics._slopes import balance_with_slopes as balance_with_slopes
-from kneejax.statics._status import FAILURES as FAILURES
-from kneejax.statics._status import ContactFaults as ContactFaults
-from kneejax.statics._status import Status as Status
-from kneejax.statics._status import converged as converged
-from kneejax.statics._status import fails as fails
-from kneejax.statics._status import failures_of as failures_of
-from kneejax.statics._status import sound as sound
-from kneejax.statics._status import worst_fault as worst_fault
+from kneejax.statics._balance import *
+from kneejax.statics._equilibria import *
+from kneejax.statics._equilibrium import *
+from kneejax.statics._flexion_paths import *
+from kneejax.statics._load_cases import *
+from kneejax.statics._many import *
+from kneejax.statics._newton import *
+from kneejax.statics._slopes import *
+from kneejax.statics._status import *

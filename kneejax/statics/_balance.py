@@ -4,7 +4,7 @@ Contacts find the points where their surfaces meet by themselves, near those tha
 All arrays end in lanes.
 """
 
-from __future__ import annotations
+__all__ = ["Balance", "balance", "force", "force_along", "force_derivative"]
 
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ So fits, maps and cohorts of any size share one compiled program. Answers depend
 number of cores nor on who was first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

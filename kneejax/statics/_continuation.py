@@ -8,8 +8,6 @@ then has no equilibrium that is connected with the last: it lies beyond a limit 
 Every turn of the one compiled loop is a look of all lanes, each at its own step of its own path.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from typing import Any, NamedTuple
@@ -69,7 +67,7 @@ class Behind(eqx.Module):
     softness: Any  # see `softness_of`, there
 
     @classmethod
-    def at(cls, cases, q, points, known) -> Behind:
+    def at(cls, cases, q, points, known) -> "Behind":
         """One equilibrium each, or a guess: the attributes without their first axis."""
         numpy = np if isinstance(q, np.ndarray) else jnp
         cases, q, points = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, points))

@@ -1,6 +1,6 @@
 """What is known of many balances: variants of a knee at load cases."""
 
-from __future__ import annotations
+__all__ = ["Equilibria", "equilibrium_of"]
 
 import dataclasses
 from collections.abc import Mapping
@@ -57,7 +57,7 @@ class Equilibria(eqx.Module):
     @classmethod
     def nothing(
         cls, shape: tuple[int, ...], load_cases: LoadCases, patches: int, forces: bool
-    ) -> Equilibria:
+    ) -> "Equilibria":
         """Nothing known yet: every pose counts as not balanced."""
         shapes, lost = shapes_of_record(load_cases, patches), int(Status.NOT_CONVERGED)
         unknown = {name: np.full((*shape, *shapes[name]), np.nan)
@@ -87,12 +87,12 @@ class Equilibria(eqx.Module):
         for name, values in self.forces.items():
             values[where] = np.moveaxis(record[name], -1, 0)
 
-    def put(self, where: Any, others: Equilibria) -> None:
+    def put(self, where: Any, others: "Equilibria") -> None:
         """Replace some of them, in place."""
         for old, new in zip(jax.tree.leaves(self), jax.tree.leaves(others), strict=True):
             old[where] = new
 
-    def at(self, *where: Any) -> Equilibria:
+    def at(self, *where: Any) -> "Equilibria":
         """The balances at some of the variants and load cases, as NumPy indexes."""
         return jax.tree.map(lambda x: x[where], self)
 

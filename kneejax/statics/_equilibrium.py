@@ -5,7 +5,7 @@ function theorem, in the rule below and nowhere else: a dense solve per lane, wi
 set to NaN and no influence on the others.
 """
 
-from __future__ import annotations
+__all__ = ["Equilibrium", "differentiable", "needs_float64", "solve_equilibrium", "with_tangent"]
 
 import dataclasses
 

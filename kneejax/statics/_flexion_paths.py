@@ -12,7 +12,7 @@ other. Where the knee does not balance at its reference pose, a path that found 
 more by way of 45 degrees, from where the knee may be followed back.
 """
 
-from __future__ import annotations
+__all__ = ["continued_in_trace"]
 
 import dataclasses
 from typing import NamedTuple

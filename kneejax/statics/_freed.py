@@ -5,8 +5,6 @@ of a coordinate where it is and moves it to where it is wanted, along a straight
 that is to be free is supported where the knee was loaded, and the support is taken away.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import jax

@@ -5,7 +5,7 @@ would compile them anew (9 s); they take the numbers that it changes, and stiffn
 of all ligaments always, so that one program serves every choice among those.
 """
 
-from __future__ import annotations
+__all__ = ["LoadCases", "Vary", "in_lanes"]
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -66,7 +66,7 @@ class LoadCases(eqx.Module):
         loads: Sequence[Load | Pull] = (),
         held: Mapping[str, ArrayLike] | None = None,
         flexion_is_free: bool = False,
-    ) -> LoadCases:
+    ) -> "LoadCases":
         """Load cases at angles in degrees; numbers are repeated where one serves all.
 
         Args:
@@ -117,7 +117,7 @@ class LoadCases(eqx.Module):
         """Whether flexion, and nothing else, is prescribed."""
         return tuple(self.prescribed) == ("flexion",)
 
-    def take(self, rows: ArrayLike) -> LoadCases:
+    def take(self, rows: ArrayLike) -> "LoadCases":
         """Some of the load cases, in the order of `rows`, or those of a mask."""
         # By NumPy: JAX would compile a program for each number of them.
         xp = numpy_for(self, rows)
@@ -125,19 +125,19 @@ class LoadCases(eqx.Module):
         taken = taken if taken.size else taken.astype(int)
         return jax.tree.map(lambda x: xp.asarray(x)[taken], self)
 
-    def loaded(self) -> LoadCases:
+    def loaded(self) -> "LoadCases":
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
         first = len(self.loads) - self.later
         still = (load.times(0.0) for load in self.loads[first:])
         acting = (*self.loads[:first], *still)
         return LoadCases({"flexion": self.flexion}, acting, bodies=self.bodies)
 
-    def of(self, knee: Knee) -> LoadCases:
+    def of(self, knee: Knee) -> "LoadCases":
         """The same load cases, of all that moves in a knee."""
         same = self.bodies == knee.bodies
         return self if same else dataclasses.replace(self, bodies=knee.bodies)
 
-    def plain(self) -> LoadCases:
+    def plain(self) -> "LoadCases":
         """The same with at least one load and without names: one compiled program serves more."""
         named = [load for load in self.loads if isinstance(load, Load) and load.name != _PLAIN]
         if self.loads and not named:
@@ -204,7 +204,7 @@ class Variants:
     numbers: dict[int, np.ndarray]  # leaves that vary, by their places; the first axis counts
 
     @classmethod
-    def of(cls, knee: Knee, vary: Vary, values: Any) -> Variants:
+    def of(cls, knee: Knee, vary: Vary, values: Any) -> "Variants":
         """Variants by their values, whose leaves begin with the variant."""
         values = jax.tree.map(np.asarray, values)
         count, parts = len(jax.tree.leaves(values)[0]), []
@@ -223,7 +223,7 @@ class Variants:
     def __len__(self) -> int:
         return len(next(iter(self.numbers.values()), ()))
 
-    def take(self, rows: np.ndarray) -> Variants:
+    def take(self, rows: np.ndarray) -> "Variants":
         """Some of the variants."""
         return Variants(self.knee, {k: x[rows] for k, x in self.numbers.items()})
 
@@ -284,7 +284,7 @@ class Case(NamedTuple):
     numbers: dict[int, Any]
     load_cases: LoadCases
 
-    def of(self, rows: Array) -> Case:
+    def of(self, rows: Array) -> "Case":
         """Those of rows `(numbers, lanes)`, which were made of cases like this one."""
         return jax.vmap(ravel_pytree(self)[1], in_axes=-1, out_axes=-1)(rows)
 

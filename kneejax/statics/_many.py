@@ -4,7 +4,7 @@ A knee is bent from its reference pose without the loads, which then grow (`_fle
 what is found depends neither on which other load cases or knees were asked for, nor on their order.
 """
 
-from __future__ import annotations
+__all__ = ["Progress", "balance_lines", "balance_many", "balance_near", "balance_one", "itself"]
 
 from collections.abc import Callable
 from typing import Any

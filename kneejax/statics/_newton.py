@@ -13,7 +13,7 @@ Lengths are in mm: rotations count at 30 mm. A scale is what counts as 1 mm of a
 rad or mm.
 """
 
-from __future__ import annotations
+__all__ = ["EnergyNewton", "Guess"]
 
 import dataclasses
 import enum
@@ -152,7 +152,7 @@ class SearchState(eqx.Module):
     scales: tuple[float, ...] = eqx.field(static=True)
 
     @classmethod
-    def begun(cls, guess: Guess, nothing: Balance, scales: tuple[float, ...]) -> SearchState:
+    def begun(cls, guess: Guess, nothing: Balance, scales: tuple[float, ...]) -> "SearchState":
         """Before the first look; nothing gives shapes."""
         lanes = guess.q.shape[1:]
         forces = dataclasses.replace(nothing.forces, energy=jnp.full(lanes, jnp.inf))
@@ -176,7 +176,7 @@ class SearchState(eqx.Module):
         """Lanes that have found one."""
         return self.phase == Phase.FOUND
 
-    def anew(self, lanes: Array, guess: Guess) -> SearchState:
+    def anew(self, lanes: Array, guess: Guess) -> "SearchState":
         """With a search that begins at a guess in some lanes."""
         first = SearchState.begun(guess, self.there, self.scales)
         return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)

@@ -1,6 +1,6 @@
 """Balances with their exact derivatives by what varies, for many variants at many load cases."""
 
-from __future__ import annotations
+__all__ = ["Own", "Slopes", "balance_with_slopes"]
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -61,24 +61,24 @@ class Slopes(eqx.Module):
         """Where forces balance, `(variants, load_cases)`."""
         return converged(self.status)
 
-    def take(self, rows) -> Slopes:
+    def take(self, rows) -> "Slopes":
         """Some of the variants, in the order of `rows`."""
         return jax.tree.map(lambda x: x[rows], self)
 
-    def at(self, rows) -> Slopes:
+    def at(self, rows) -> "Slopes":
         """All variants at some of the load cases, in the order of `rows`."""
         some = {name: getattr(self, name)[:, rows] for name in _BY_LOAD_CASE}
         return dataclasses.replace(self, **some)
 
     @classmethod
-    def joined(cls, parts: Sequence[Slopes], places: Sequence[np.ndarray]) -> Slopes:
+    def joined(cls, parts: "Sequence[Slopes]", places: Sequence[np.ndarray]) -> "Slopes":
         """The same variants at all load cases, from one or more parts that were balanced apart,
         and the places of each part's load cases among all."""
         order = np.argsort(np.concatenate(places))
         every = {x: np.concatenate([getattr(y, x) for y in parts], axis=1) for x in _BY_LOAD_CASE}
         return dataclasses.replace(parts[0], **{name: x[:, order] for name, x in every.items()})
 
-    def put(self, rows, others: Slopes) -> None:
+    def put(self, rows, others: "Slopes") -> None:
         """Replace some of the variants in place."""
         for old, new in zip(jax.tree.leaves(self), jax.tree.leaves(others), strict=True):
             old[rows] = new

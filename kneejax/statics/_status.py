@@ -1,6 +1,9 @@
 """What became of a search for a balance, and what is wrong with a pose, found or given."""
 
-from __future__ import annotations
+__all__ = [
+    "FAILURES", "ContactFaults", "Status", "converged", "fails", "failures_of", "sound",
+    "worst_fault",
+]
 
 import enum
 from collections.abc import Collection, Sequence
@@ -96,7 +99,7 @@ class Status(enum.IntEnum):
     fault: str
     advice: str
 
-    def __new__(cls, value: int, fault: str, advice: str) -> Status:
+    def __new__(cls, value: int, fault: str, advice: str) -> "Status":
         member = int.__new__(cls, value)
         member._value_ = value
         member.fault, member.advice = fault, advice

@@ -1,5 +1,7 @@
 """A planned reconstruction from its file: checked whole before a knee moves."""
 
+__all__ = ["drawn_parameters", "read_plan"]
+
 import os
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,5 +1,10 @@
 """Answers of a study: what its commands compute after they have read their words."""
 
+__all__ = [
+    "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify",
+    "run_side_by_side", "sensitivity",
+]
+
 import dataclasses
 import functools
 import time

@@ -4,6 +4,8 @@ may be asked of a study: one model a command, whose fields are the command's opt
 An option has the name of its field, but for `indices`, which is `--global`. No JAX is imported.
 """
 
+__all__ = ["Identify", "Map", "Sensitivity", "file_named", "misspelt"]
+
 import dataclasses
 import math
 import os

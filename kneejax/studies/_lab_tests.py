@@ -1,7 +1,5 @@
 """Tests under load of a study: what may be said of one, and what published ones say."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -67,7 +65,7 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
     return name
 
 
-def published_motions() -> dict[str, Measurement]:
+def published_motions() -> "dict[str, Measurement]":
     """Motions that come with the package as tests."""
     from kneejax.files import bundled_measurements
 
@@ -137,7 +135,9 @@ class StudyTest(Part):
         return wrong(value, expected, at=field)
 
 
-def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
+def published_laxity(
+    test: StudyTest, bands: "Sequence[LaxityBand]"
+) -> "tuple[LabTable, str | None]":
     """The rows of a published laxity, of knees with those ligaments cut that the test had cut;
     where its load is not known, the test says it, as `load: {internal_Nm: 5}`."""
     import numpy as np
@@ -193,7 +193,7 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
     return table, "opposite" if ranges else own[0].counted_from
 
 
-def check_tests(knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
+def check_tests(knee: "Knee", tests: "Sequence[MeasuredTest]", stated: Mapping[str, float | None],
                 measured: bool, mistakes: reading.Mistakes) -> None:
     """Of tests no two have one name, and none is better known than the poses can say, whose noise
     is stated in mm and degrees, where they are measured."""

@@ -1,5 +1,7 @@
 """The objective of a study over pairs of parameters."""
 
+__all__ = ["about_maps", "fingerprint", "plain_test", "sensitivity_map"]
+
 import dataclasses
 import functools
 import itertools

@@ -1,5 +1,7 @@
 """What a person waits for: a line on a terminal or in a notebook, nothing in a pipe."""
 
+__all__ = ["stages_on_terminal"]
+
 import contextlib
 import sys
 import threading

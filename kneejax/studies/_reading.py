@@ -1,7 +1,5 @@
 """What a study names, read: its knee, its poses, the tables of its tests, a prior."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import re
@@ -146,7 +144,7 @@ def _read_poses(
     return table[inside], {name: sizes[inside] for name, sizes in loads.items()}
 
 
-def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
+def _prior_of_cohort(study: StudyFields, knee: "Knee") -> dict[str, Any]:
     """Start and prior of the free parameters, from what a cohort wrote; refuses a start that the
     study states too, and a file so old that a structure's stiffness is its fibres' mean."""
     from kneejax.parameters import MEANING, fibres_summed, select
@@ -171,7 +169,7 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
     return {"start": {**study.start, **means}, "prior": deviations}
 
 
-def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest:
+def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> "MeasuredTest":
     """The test that a study names, from its table, in which a column may be the added tension of
     `lines` (of constant tension, or muscles) that the knee has (`Knee.pullable`)."""
     from kneejax.experiments import MeasuredTest, against_load, weights_by_load
@@ -221,7 +219,7 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
     return made
 
 
-def _frames(test: StudyTest, said: InTime, table: LabTable) -> Frames:
+def _frames(test: StudyTest, said: InTime, table: "LabTable") -> "Frames":
     """The frames of a knee in motion."""
     if table.time_s is None:
         raise test.wrong("file", "a column time_s too, or columns: {time_s: ...}")
@@ -267,8 +265,8 @@ def _of_the_other_sense(test: StudyTest, found: Any) -> InputProblem:
 
 
 def _that_count(
-    test: StudyTest, table: LabTable, observed: np.ndarray
-) -> tuple[LabTable, np.ndarray]:
+    test: StudyTest, table: "LabTable", observed: np.ndarray
+) -> "tuple[LabTable, np.ndarray]":
     """Without the coordinates, of any bone, that shall not count."""
     seen = dict(zip(UNITS, observed.T, strict=True))
     others = {column: column.rsplit("_", 1)[0] for column in table.readings}
@@ -284,7 +282,7 @@ def _that_count(
     return table._replace(readings=kept), observed
 
 
-def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
+def _table_of(test: StudyTest) -> "tuple[LabTable, str | None]":
     """The table that a test names, published or not, and what a published one is counted from."""
     from kneejax.experiments import WITHOUT_LOADS
     from kneejax.files import bundled_bands, read_lab_table

@@ -1,5 +1,7 @@
 """The fields of a study: what may stand in each, its unit, its default and what it means."""
 
+__all__ = ["FAULTS", "STUDY_FIELDS", "Synthetic"]
+
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 

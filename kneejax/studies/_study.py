@@ -1,6 +1,6 @@
 """A study: a knee, a motion, and what is to be found out. Checked whole before anything moves."""
 
-from __future__ import annotations
+__all__ = ["Study", "check_study_file", "read_study", "study_of"]
 
 import dataclasses
 import functools
@@ -87,7 +87,7 @@ class Study(StudyFields):
             check_fields(self, mistakes)
         mistakes.check()
 
-    def replace(self, **changes: Any) -> Study:
+    def replace(self, **changes: Any) -> "Study":
         """The same study with other values, checked anew."""
         other = Study.__new__(Study)
         origin = {name: said for name, said in self._origin.items() if name not in changes}
@@ -100,14 +100,14 @@ class Study(StudyFields):
         return self._file
 
     @functools.cached_property
-    def selection(self) -> Selection:
+    def selection(self) -> "Selection":
         """The free parameters."""
         from kneejax.parameters import select
 
         return select(self.knee, self.parameters)
 
     @functools.cached_property
-    def knee_at_start(self) -> Knee:
+    def knee_at_start(self) -> "Knee":
         """The knee where a search begins."""
         return self.knee.replace(self.start)
 
@@ -142,7 +142,7 @@ class Study(StudyFields):
         return np.empty(0) if self.measured is None else self.measured[:, 0]
 
     @property
-    def acting(self) -> tuple[Load, ...]:
+    def acting(self) -> "tuple[Load, ...]":
         """The loads at the poses; none where none acts."""
         from kneejax.mechanics import load_of
 
@@ -157,7 +157,7 @@ class Study(StudyFields):
         return self.noise_mm or mm or None, self.noise_deg or deg or None
 
     @property
-    def scatter(self) -> Noise:
+    def scatter(self) -> "Noise":
         """The noise of what was measured, with the weights that the study gives."""
         from kneejax.inference.fit import Noise
 
@@ -170,7 +170,7 @@ class Study(StudyFields):
         return self.scatter.first**-2.0
 
     @property
-    def counted_failures(self) -> tuple[Status, ...]:
+    def counted_failures(self) -> "tuple[Status, ...]":
         """Statuses of balances that count for nothing."""
         from kneejax.statics import failures_of
 
@@ -200,7 +200,7 @@ class Study(StudyFields):
                                 noise_mm=made.noise_mm, noise_deg=made.noise_deg, loads=self.acting,
                                 seed=made.seed)  # fmt: skip
 
-    def problem(self, *, nameless: bool = False) -> CalibrationProblem:
+    def problem(self, *, nameless: bool = False) -> "CalibrationProblem":
         """The study as arrays: what `kneejax.calibrate` solves; synthetic poses take a motion.
 
         Args:
@@ -240,7 +240,7 @@ class Study(StudyFields):
             "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file}
 
 
-def _check_free(study: Study, selection: Selection) -> None:
+def _check_free(study: Study, selection: "Selection") -> None:
     """Not more numbers are free than were read, but for those with a prior; many are doubted."""
     from kneejax.parameters import DoubtfulValue, UnsuitableData, stated
 

@@ -1,5 +1,7 @@
 """The model of a knee file, and the document as text, of the other side, with its sources."""
 
+__all__ = ["format_knee", "mirror_document"]
+
 import copy
 import fnmatch
 import os

@@ -1,5 +1,7 @@
 """Knee files: readable YAML in which every number has a unit and a source."""
 
+__all__ = ["KneeFile", "read_knee", "write_knee"]
+
 import dataclasses
 import fnmatch
 import os

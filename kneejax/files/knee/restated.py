@@ -1,5 +1,7 @@
 """A knee document with the numbers of a knee, or with grafts, and who says so."""
 
+__all__ = ["reconstructed", "restated"]
+
 import copy
 import fnmatch
 import operator

@@ -4,8 +4,6 @@ Everything here is in mm, in the frames of a right knee (X anterior, Y superior,
 knee's meshes are mirrored before.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,7 +39,7 @@ class Cloud(NamedTuple):
     areas: np.ndarray  # mm^2 that each stands for
     normals: np.ndarray  # outward unit normals there
 
-    def kept(self, rows) -> Cloud:
+    def kept(self, rows) -> "Cloud":
         """The part with these rows."""
         return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
 

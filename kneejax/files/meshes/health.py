@@ -3,8 +3,6 @@
 Repairs are said in findings, one sentence each. What cannot be repaired is refused.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,11 +56,11 @@ class Sheet(NamedTuple):
         a, b, c = (self.points[self.faces[:, k]] for k in range(3))
         return np.cross(b - a, c - a)
 
-    def kept(self, faces: np.ndarray) -> Sheet:
+    def kept(self, faces: np.ndarray) -> "Sheet":
         """The part with these faces only (a mask or row numbers)."""
         return self._replace(faces=self.faces[faces], closed=False)
 
-    def turned(self) -> Sheet:
+    def turned(self) -> "Sheet":
         """The same sheet with the other side out."""
         return self._replace(faces=self.faces[:, ::-1])
 

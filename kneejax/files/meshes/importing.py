@@ -1,6 +1,6 @@
 """Contacts of a knee from meshes of its cartilage."""
 
-from __future__ import annotations
+__all__ = ["MeshImport", "MeshOptions", "import_meshes"]
 
 import dataclasses
 import os

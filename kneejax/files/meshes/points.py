@@ -1,6 +1,6 @@
 """Meshes of bones and cartilage: STL, PLY, OBJ and, with VTK, VTP; whole ones alone."""
 
-from __future__ import annotations
+__all__ = ["bone_surface", "read_mesh_points"]
 
 import dataclasses
 import importlib

@@ -1,6 +1,6 @@
 """Meshes of soft tissue: a meniscus as a ring on its plateau, a ligament as a band."""
 
-from __future__ import annotations
+__all__ = ["MeshBand", "MeshMeniscus", "band_of_meshes", "meniscus_of_mesh"]
 
 import os
 from collections.abc import Mapping, Sequence

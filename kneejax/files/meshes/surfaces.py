@@ -1,8 +1,6 @@
 """Articular surfaces fitted to cartilage: where they can touch, how good the fits are there, and
 how thick the layer is that femoral and tibial cartilage form together, down to the bones."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

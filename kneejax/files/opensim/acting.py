@@ -1,7 +1,5 @@
 """What acts in a recorded movement: forces from the ground, muscles, ligaments over the knee."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

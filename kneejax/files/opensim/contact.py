@@ -1,6 +1,6 @@
 """Contact of OpenSim JAM as one layer between two bones, and surfaces fitted to its meshes."""
 
-from __future__ import annotations
+__all__ = ["add_osim_contacts"]
 
 import copy
 import dataclasses
@@ -200,7 +200,7 @@ class OsimGeometry:
     doubtful: bool  # whether a surface misses its target
 
 
-def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimGeometry:
+def add_osim_contacts(read: "OsimImport", folder: str | os.PathLike[str]) -> OsimGeometry:
     """Fit the contacts of an imported knee to the model's meshes.
 
     Args:

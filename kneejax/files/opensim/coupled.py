@@ -1,6 +1,6 @@
 """A model's knee of one coordinate: its secondary motion follows flexion along splines."""
 
-from __future__ import annotations
+__all__ = ["couple_model", "coupled_motion"]
 
 import dataclasses
 import os

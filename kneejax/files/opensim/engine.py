@@ -4,8 +4,6 @@ A process of its own (`python -m kneejax.files.opensim.engine SETTINGS.json`): w
 without a word, only that process ends.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

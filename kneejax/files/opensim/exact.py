@@ -1,7 +1,5 @@
 """Numbers of a model as decimals, and rigid motions: exact where nothing turns."""
 
-from __future__ import annotations
-
 import math
 from decimal import Context, Decimal, localcontext
 from typing import Any, NamedTuple
@@ -87,7 +85,7 @@ class Rigid(NamedTuple):
     shift: np.ndarray = ORIGIN  # `(..., 3)`: doubles, or decimals
 
     @classmethod
-    def of(cls, translation: Point, angles: Point) -> Rigid:
+    def of(cls, translation: Point, angles: Point) -> "Rigid":
         """The motion from a frame's coordinates, by its place and its X-Y-Z angles (rad)."""
         return cls(turn_xyz(angles), translation)
 
@@ -107,15 +105,15 @@ class Rigid(NamedTuple):
         """The points whose images these are."""
         return Rigid(np.swapaxes(self.turn, -1, -2)).point(_sum(x, -self.shift))
 
-    def after(self, first: Rigid) -> Rigid:
+    def after(self, first: "Rigid") -> "Rigid":
         """This motion after `first`."""
         return Rigid(self.turn @ first.turn, self.point(first.shift))
 
-    def inverse(self) -> Rigid:
+    def inverse(self) -> "Rigid":
         """The motion that undoes this one."""
         return Rigid(np.swapaxes(self.turn, -1, -2), self.point_back(ORIGIN))
 
-    def at(self, rows) -> Rigid:
+    def at(self, rows) -> "Rigid":
         """At some of the instants, as NumPy indexes."""
         return Rigid(self.turn[rows], self.shift[rows])
 

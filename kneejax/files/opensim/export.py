@@ -1,6 +1,6 @@
 """Changed ligament numbers back into the OpenSim model that a knee came from."""
 
-from __future__ import annotations
+__all__ = ["export_osim"]
 
 import dataclasses
 import os

@@ -1,6 +1,6 @@
 """Axes of a model's bones, turned where they are unusual, and the way to a knee's frames."""
 
-from __future__ import annotations
+__all__ = ["registered"]
 
 import hashlib
 import os

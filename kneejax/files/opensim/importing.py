@@ -1,6 +1,6 @@
 """A knee made of an OpenSim model: its ligaments, obstacles, pose and contact settings."""
 
-from __future__ import annotations
+__all__ = ["import_osim"]
 
 import collections
 import dataclasses

@@ -1,7 +1,5 @@
 """Joints of an OpenSim model, and where its bodies are at coordinates: forward kinematics."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -137,7 +135,7 @@ class Movement(NamedTuple):
         """Where a body is in another: from the second's coordinates to the first's."""
         return self.placed[first].inverse().after(self.placed[second])
 
-    def at(self, row: int) -> Movement:
+    def at(self, row: int) -> "Movement":
         """At one of the instants along the first axis."""
         values = {name: x[row] for name, x in self.values.items()}
         placed = {name: there.at(row) for name, there in self.placed.items()}

@@ -1,7 +1,5 @@
 """Which bodies of an OpenSim model are the femur, the tibia and the patella, and their pose."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Fibres and muscles of an OpenSim model that come over the knee, and its patella."""
 
-from __future__ import annotations
-
 import collections
 import dataclasses
 import re

@@ -1,6 +1,6 @@
 """A model: bodies and frames (schema 3 has joints inside bodies, schema 4 sockets), functions."""
 
-from __future__ import annotations
+__all__ = ["SMALLEST_MODEL"]
 
 import math
 import os

@@ -1,7 +1,5 @@
 """Paths of an OpenSim model: their points, and what they wrap around, in the bones' frames."""
 
-from __future__ import annotations
-
 import collections
 import dataclasses
 import re

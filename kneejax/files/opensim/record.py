@@ -1,6 +1,6 @@
 """A movement that a whole-body program recorded, as what acts on one knee."""
 
-from __future__ import annotations
+__all__ = ["read_activity"]
 
 import os
 from collections.abc import Mapping, Sequence

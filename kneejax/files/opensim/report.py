@@ -1,6 +1,6 @@
 """What of a model became a knee, what did not, of whatever class, and how that is said."""
 
-from __future__ import annotations
+__all__ = ["format_import_report"]
 
 import collections
 import re
@@ -151,7 +151,7 @@ def _how(element: Element) -> str:
     return IN_MOTION if stiff and not expressed and not some else ACTS
 
 
-def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:
+def format_import_report(read: "OsimImport", geometry: tuple[str, ...] = ()) -> str:
     """An import report in Markdown.
 
     Args:
@@ -186,7 +186,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
     return text
 
 
-def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
+def import_sections(read: "OsimImport", geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
     """Sentences of an import report, by the titles of its sections; see `format_import_report`."""
     model, knee, found = read.model, read.knee, read.knee.found
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))

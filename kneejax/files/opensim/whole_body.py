@@ -1,6 +1,6 @@
 """A movement handed to OpenSim: what it needs is checked before, what it says is read after."""
 
-from __future__ import annotations
+__all__ = ["WholeBody", "ask_opensim", "whole_body"]
 
 import dataclasses
 import json

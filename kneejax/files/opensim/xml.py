@@ -1,7 +1,5 @@
 """XML of OpenSim by lxml: words of elements, errors with lines, changes written back."""
 
-from __future__ import annotations
-
 import codecs
 import os
 import re
@@ -52,7 +50,7 @@ class Element(etree.ElementBase):
         return "".join(x for x in pieces if x).translate(_AS_IT_WAS).strip()
 
     @property
-    def children(self) -> list[Element]:
+    def children(self) -> "list[Element]":
         """Elements within it, without comments."""
         return [*self.iterchildren("*")]
 
@@ -69,7 +67,7 @@ class Element(etree.ElementBase):
         file = self.getroottree().docinfo.URL or ""
         return InputProblem(file, f"{place}: {field}" if field else place, value, expected, nearest)
 
-    def child(self, *tags: str) -> Element | None:
+    def child(self, *tags: str) -> "Element | None":
         """The first child with the first of these tags that any child has."""
         return next((x for x in map(self.find, tags) if x is not None), None)
 

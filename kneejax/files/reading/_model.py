@@ -5,6 +5,10 @@ refuse with an `InputProblem` without a file; each model adds the field where th
 `checked` the file.
 """
 
+__all__ = [
+    "Chosen", "Mistakes", "Part", "checked", "checks", "fill", "folder_of", "said_of", "together",
+]
+
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,6 +1,11 @@
 """What is wrong with something a person gave, in one line; text and JSON files, read with every
 fault named, written completely or not at all."""
 
+__all__ = [
+    "InputProblem", "InputProblems", "counted", "load_json", "neighbour", "plain_number",
+    "read_bytes", "read_text", "write_bytes", "write_text", "wrong",
+]
+
 import json
 import os
 import re

@@ -1,5 +1,12 @@
 """Single values of a file, each read and checked by itself, and as fields of a model."""
 
+__all__ = [
+    "Choice", "Distinct", "Flag", "Name", "Number", "Text", "by_parameter", "choice", "deviation",
+    "entries", "interval", "items", "mapping_of", "meaning", "name", "named", "number", "numbers",
+    "numbers_within", "one_of", "parameter_name", "parse_flexion", "parse_range", "plain", "reads",
+    "rows", "text", "whole", "within",
+]
+
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,5 +1,7 @@
 """YAML files: `1e-3` is a number, `10:50:5` and `no` are text, and no key stands twice."""
 
+__all__ = ["format_yaml", "load_yaml"]
+
 import os
 import re
 from typing import Any

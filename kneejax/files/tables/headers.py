@@ -6,8 +6,6 @@ Open Knee(s) (simVITRO) writes `Knee JCS Medial [mm]`, `Knee JCS Flexion [deg]`,
 of the tibia: motions as well as loads.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection

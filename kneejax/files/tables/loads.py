@@ -1,6 +1,6 @@
 """Tables of loads: beside poses, over time, in tests that could be made, in tests that were."""
 
-from __future__ import annotations
+__all__ = ["LabTable", "read_candidates", "read_lab_table", "read_loads", "read_loads_over_time"]
 
 import math
 import os
@@ -162,7 +162,7 @@ class LabTable(NamedTuple):
     weight: np.ndarray | None = None  # `(n,)`; None where a table has no such column
     time_s: np.ndarray | None = None  # likewise, s
 
-    def take(self, rows: np.ndarray) -> LabTable:
+    def take(self, rows: np.ndarray) -> "LabTable":
         """Some of the rows."""
         return LabTable(*(
             {name: sizes[rows] for name, sizes in x.items()} if isinstance(x, dict)

@@ -1,6 +1,6 @@
 """Tables of OpenSim: .sto and .mot."""
 
-from __future__ import annotations
+__all__ = ["read_storage"]
 
 import dataclasses
 import os
@@ -41,7 +41,7 @@ class Storage:
             raise InputProblem(self.file, "columns", name, expected, self.columns)
         return self.columns[name]
 
-    def renamed(self, called: Mapping[str, str]) -> Storage:
+    def renamed(self, called: Mapping[str, str]) -> "Storage":
         """The same by other names: coordinate, muscle, body of reactions -> what this calls it."""
         back, columns = {own: name for name, own in called.items()}, {}
         for column, values in self.columns.items():

@@ -1,6 +1,6 @@
 """Tables: UTF-8 CSV with a header row and units in the names."""
 
-from __future__ import annotations
+__all__ = ["read_patella_poses", "read_poses", "write_poses", "write_rows"]
 
 import csv
 import dataclasses

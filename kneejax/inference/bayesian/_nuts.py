@@ -11,8 +11,6 @@ is replaced. And a kernel that is a plain function compiles in a `jit` of our ow
 that a solve needs (`numerics/_configure.py`).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Callable
@@ -140,7 +138,7 @@ class _Scaled(eqx.Module):
         position = jnp.linalg.solve(self.scale, (outside.position - self.origin).T).T
         return ChainState(position, outside.value, outside.gradient @ self.scale)
 
-    def scaled_by(self, seen: np.ndarray) -> _Scaled:
+    def scaled_by(self, seen: np.ndarray) -> "_Scaled":
         """Scaled by the covariance of draws `(draws, chains, p)`, drawn towards the present one."""
         points = seen.reshape(-1, seen.shape[-1])
         count, size = points.shape

@@ -1,6 +1,6 @@
 """The posterior of parameters, and what its draws say."""
 
-from __future__ import annotations
+__all__ = ["Posterior", "check_counts", "posterior"]
 
 import dataclasses
 import time

@@ -1,6 +1,6 @@
 """What is known before a motion is measured, and the density of parameters given one."""
 
-from __future__ import annotations
+__all__ = ["Prior", "normal_priors", "parameter_priors"]
 
 import dataclasses
 from collections.abc import Mapping
@@ -203,7 +203,7 @@ class MotionDensity(eqx.Module):
     def of(
         cls, problem: Problem, noise: np.ndarray, priors: tuple[Prior, ...], near: Slopes,
         deviation: np.ndarray,
-    ) -> MotionDensity:  # fmt: skip
+    ) -> "MotionDensity":  # fmt: skip
         """The density of a problem with noise `(5,)`, from balances `near` at values that are
         uncertain by about a `deviation`, `(p,)`, NaN if unknown."""
         values, own = near.values[0], without_offsets(near, problem.offsets, problem.cases.posed)

@@ -1,6 +1,6 @@
 """The answer of a calibration: estimates with their limits, the motion, and how well they fit."""
 
-from __future__ import annotations
+__all__ = ["motion_of"]
 
 import dataclasses
 from collections.abc import Mapping

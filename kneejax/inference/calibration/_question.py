@@ -1,6 +1,6 @@
 """What a calibration fits, between which bounds, and how it searches."""
 
-from __future__ import annotations
+__all__ = ["METHODS", "PROCEDURES", "USUAL_PROCEDURES", "CalibrationProblem", "Stage"]
 
 import dataclasses
 import fnmatch
@@ -107,7 +107,7 @@ class CalibrationProblem:
         tests: Sequence[MeasuredTest] = (),
         prior: Mapping[str, float] | None = None,
         **search: Any,
-    ) -> CalibrationProblem:
+    ) -> "CalibrationProblem":
         """Lay out what is fitted; data and bounds are held against the knee.
 
         Args:
@@ -166,7 +166,7 @@ class CalibrationProblem:
         fitted = fitted.stepping(start)
         return cls(fitted, noise, start, lower, upper, **search)
 
-    def weighing(self, noise: np.ndarray) -> CalibrationProblem:
+    def weighing(self, noise: np.ndarray) -> "CalibrationProblem":
         """The same whose squares weigh by the noise that an answer left, `(5,)`, where it was
         estimated."""
         if not self.noise.weighs:
@@ -182,7 +182,7 @@ class SeveralKnees:
     whole: Problem  # what is fitted of all, with what was observed a fit each
 
     @classmethod
-    def of(cls, members: Sequence[CalibrationProblem]) -> SeveralKnees:
+    def of(cls, members: Sequence[CalibrationProblem]) -> "SeveralKnees":
         """Calibrations of one form."""
         problems = [one.fitted for one in members]
         first = problems[0]
@@ -198,19 +198,19 @@ class SeveralKnees:
         cases = dataclasses.replace(first.cases, target=target, prior=prior)
         return cls(tuple(members), dataclasses.replace(first, cases=cases, own=own or None))
 
-    def take(self, rows: Sequence[int]) -> SeveralKnees:
+    def take(self, rows: Sequence[int]) -> "SeveralKnees":
         """Some of the knees. Balances of all go on saying whose they are."""
         whole = dataclasses.replace(self.whole, cases=self.whole.cases.take(list(rows)))
         return SeveralKnees(tuple(self.members[row] for row in rows), whole)
 
-    def each(self, change: Callable[..., Problem], given: Any) -> SeveralKnees:
+    def each(self, change: Callable[..., Problem], given: Any) -> "SeveralKnees":
         """The same with what is fitted changed by a method of `Problem`."""
         members = (
             dataclasses.replace(one, fitted=change(one.fitted, given)) for one in self.members
         )
         return SeveralKnees(tuple(members), change(self.whole, given))
 
-    def weighing(self, noise: Sequence[np.ndarray]) -> SeveralKnees:
+    def weighing(self, noise: Sequence[np.ndarray]) -> "SeveralKnees":
         """The same with a noise each, `(5,)`, where it is known and was to be estimated."""
         every = zip(self.members, noise, strict=True)
         members = tuple(one if np.isnan(own).any() else one.weighing(own) for one, own in every)

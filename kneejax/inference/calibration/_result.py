@@ -1,6 +1,9 @@
 """What a calibration found out."""
 
-from __future__ import annotations
+__all__ = [
+    "Calibration", "Ending", "Estimate", "Fault", "Fit", "FittedTest", "Iteration", "Misfit",
+    "Motion", "versions",
+]
 
 import dataclasses
 import enum

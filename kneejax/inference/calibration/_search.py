@@ -1,6 +1,6 @@
 """The searches that move parameters: stages, procedures I to III, by Jacobian or gradient."""
 
-from __future__ import annotations
+__all__ = ["run_procedure"]
 
 import dataclasses
 from collections.abc import Callable, Sequence

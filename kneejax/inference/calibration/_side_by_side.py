@@ -1,6 +1,6 @@
 """Calibrations of several knees at once: problems of one form are one batch of one search."""
 
-from __future__ import annotations
+__all__ = ["calibrate", "calibrate_side_by_side"]
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -18,7 +18,7 @@ go as far as they want. Its slope on the way does not count for the damping: it 
 All of it is NumPy: by JAX a step compiles for every number of values and readings.
 """
 
-from __future__ import annotations
+__all__ = ["PATIENT", "BoundedLevenbergMarquardt", "ManyFits", "fit_lanes"]
 
 import dataclasses
 from collections.abc import Callable

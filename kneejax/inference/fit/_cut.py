@@ -1,6 +1,6 @@
 """Balances of a knee whose ligaments some tests had cut, and of one in motion."""
 
-from __future__ import annotations
+__all__ = ["balances_of", "distinct", "passed", "slack_at", "without"]
 
 import dataclasses
 import functools
@@ -165,7 +165,7 @@ class Passage:
     restless: float
 
     @classmethod
-    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> Passage:
+    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> "Passage":
         """With steps short enough at `values`, `(p,)`; raises where no motion begins, or it ends
         early."""
         at = np.asarray(values, float)[None]

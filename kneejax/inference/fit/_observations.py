@@ -1,6 +1,6 @@
 """Measured poses, tests under load, and what was read of parts, as load cases of one fit."""
 
-from __future__ import annotations
+__all__ = ["check_readable", "observations", "rows_of_tests", "synthetic_motion"]
 
 import dataclasses
 import itertools
@@ -109,7 +109,7 @@ def _acting(
 
 def readings_of(
     knee: Knee, selection: Selection, poses: int, tests: Sequence[MeasuredTest]
-) -> Readings | None:
+) -> "Readings | None":
     """What tests read of ligaments and contacts, in the order of tests, names and rows; None
     without any."""
     names = tuple(dict.fromkeys(name for test in tests for name in test.readings))

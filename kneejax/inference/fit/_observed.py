@@ -1,6 +1,8 @@
 """What was observed, where, and how well: as stated, or as a fit leaves it."""
 
-from __future__ import annotations
+__all__ = [
+    "DEFAULT_WEIGHTS", "TABLE_UNITS", "Balance", "Noise", "Observations", "on_bounds", "table_of",
+]
 
 import dataclasses
 from collections.abc import Callable
@@ -84,8 +86,8 @@ class Observations:
     spread: np.ndarray = _in_all(1.0)
     cuts: tuple[tuple[str, ...], ...] = ((),)
     cut: np.ndarray = _in_all(0)
-    readings: Readings | None = None
-    passages: tuple[Passage, ...] = ()
+    readings: "Readings | None" = None
+    passages: "tuple[Passage, ...]" = ()
 
     def __post_init__(self) -> None:
         count = len(self.load_cases)
@@ -124,7 +126,7 @@ class Observations:
         groups = [self.group == g for g in np.unique(self.group[self.group >= 0])]
         return found + [(rows, column) for rows in groups for column in range(5)]
 
-    def take(self, rows) -> Observations:
+    def take(self, rows) -> "Observations":
         """The data of some of the fits."""
         axes = {"target": 2, "noise": 1, "spread": 2}  # of one set for all fits
         each: dict[str, Any] = {x: getattr(self, x) for x in axes}
@@ -248,7 +250,7 @@ class Noise:
         noise_mm: float | None = None,
         noise_deg: float | None = None,
         weights: ArrayLike | None = None,
-    ) -> Noise:
+    ) -> "Noise":
         """From what a person states.
 
         Args:
@@ -310,7 +312,7 @@ class Noise:
         scale = (self.stated / self.ratio)[known].mean() if known.any() else 1.0
         return np.where(self.unknown, scale * self.ratio, self.stated)
 
-    def as_stated(self) -> Noise:
+    def as_stated(self) -> "Noise":
         """The same by what is stated alone: of weights counts only which are zero."""
         return Noise(self.stated, DEFAULT_WEIGHTS**-0.5)
 

@@ -1,6 +1,6 @@
 """What is fitted to what: a knee, what is free of it, and the load cases that were observed."""
 
-from __future__ import annotations
+__all__ = ["Problem", "Progress", "best_offsets", "form_of", "named", "without_offsets"]
 
 import dataclasses
 import hashlib
@@ -64,7 +64,7 @@ class Problem:
         loads: Sequence[Load] = (),
         tests: Sequence[MeasuredTest] = (),
         known: np.ndarray | None = None,
-    ) -> Problem:
+    ) -> "Problem":
         """A problem from measured poses and tests.
 
         Args:
@@ -84,7 +84,7 @@ class Problem:
         cases = dataclasses.replace(cases, readings=readings_of(knee, selection, poses, tests))
         return cls(knee, selection, cases, offsets, tuple(tests))
 
-    def stepping(self, values: np.ndarray) -> Problem:
+    def stepping(self, values: np.ndarray) -> "Problem":
         """The same with steps of motions through time that are short enough at values, `(p,)`.
 
         Raises:
@@ -146,12 +146,12 @@ class Problem:
         """Load cases of each test's rows."""
         return rows_of_tests(int(self.cases.posed.sum()), self.tests)
 
-    def with_used(self, rows: np.ndarray) -> Problem:
+    def with_used(self, rows: np.ndarray) -> "Problem":
         """The same with only some load cases that count, `(cases,)`, and what they count from."""
         rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
-    def balanced_by(self, first: Slopes) -> Problem:
+    def balanced_by(self, first: Slopes) -> "Problem":
         """The same with the load cases alone at which the start balances.
 
         Raises:
@@ -163,7 +163,7 @@ class Problem:
             )
         return self.with_used(first.converged[0])
 
-    def with_data(self, names: Sequence[str]) -> Problem:
+    def with_data(self, names: Sequence[str]) -> "Problem":
         """The same with some of the data alone: names of tests, and `poses`; all without any."""
         if not names:
             return self
@@ -173,7 +173,7 @@ class Problem:
             rows[place.start : end] = test.name in names
         return self.with_used(rows & self.used)
 
-    def with_prior(self, means: np.ndarray, prior: Mapping[str, float]) -> Problem:
+    def with_prior(self, means: np.ndarray, prior: Mapping[str, float]) -> "Problem":
         """The same with what is known beforehand: means of the values, `(p,)`, and name,
         `*.quantity` or quantity -> standard deviation; others have none.
 
@@ -214,7 +214,7 @@ class Problem:
         noise of their own in units of the poses' variance."""
         return ((self.error(found) / self.cases.spread.T) ** 2).sum(axis=1)
 
-    def weighing(self, noise: np.ndarray) -> Problem:
+    def weighing(self, noise: np.ndarray) -> "Problem":
         """The same with another noise, `(5,)`, degrees and mm, by which squares weigh."""
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, noise=noise))
 

@@ -5,7 +5,9 @@ further residuals, and limits are those of the profile of the same sum. They fol
 valley and know of bounds, which a standard error does not: it is told where it leads to the same.
 """
 
-from __future__ import annotations
+__all__ = [
+    "Interval", "IntervalKind", "MaximumLikelihood", "estimate", "maximum_likelihood", "same_ends",
+]
 
 import dataclasses
 import enum
@@ -97,7 +99,7 @@ class Interval:
     def of(
         cls, profile: Profile, value: float, error: float, lower: float, upper: float,
         prior: float = np.inf,
-    ) -> Interval:  # fmt: skip
+    ) -> "Interval":  # fmt: skip
         """What is known of a parameter.
 
         A standard error means something where it leads from the estimate to the same limits as the
@@ -130,7 +132,7 @@ class Interval:
             IntervalKind.STANDARD_ERROR if straight else IntervalKind.PROFILE, low, high, error
         )
 
-    def beside(self, value: float, best: float) -> Interval:
+    def beside(self, value: float, best: float) -> "Interval":
         """The same of an answer that a search in stages gives, which need not be the best fit."""
         if value < self.low or value > self.high:
             reason = f"this search ends beside the best fit, which has {best:.4g}"

@@ -16,7 +16,7 @@ ACM Trans. Math. Softw. 7, 348, 1981). It costs no evaluation. Of kinks, where a
 or a contact begins, nothing is learned: believed, they end arms early.
 """
 
-from __future__ import annotations
+__all__ = ["Pace"]
 
 import dataclasses
 import enum

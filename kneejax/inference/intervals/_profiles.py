@@ -1,6 +1,6 @@
 """Curvature at a fit, and profiles: how far each value goes while others make up for it."""
 
-from __future__ import annotations
+__all__ = ["Profile", "Uncertainty", "profiles", "propagated", "uncertainty"]
 
 import dataclasses
 from collections.abc import Iterator, Sequence

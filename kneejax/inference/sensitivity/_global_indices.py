@@ -1,6 +1,9 @@
 """Sobol and Morris indices of any model, by SALib (extra `sensitivity`), and of a knee's motion."""
 
-from __future__ import annotations
+__all__ = [
+    "USUAL_SAMPLES", "GlobalIndices", "MotionIndices", "Output", "global_indices", "index_ranges",
+    "motion_indices",
+]
 
 import dataclasses
 import importlib

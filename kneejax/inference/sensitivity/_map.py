@@ -1,6 +1,6 @@
 """The objective over two parameters, the others kept: paper 1's Figures 11 to 13."""
 
-from __future__ import annotations
+__all__ = ["in_convention", "map_ranges", "sensitivity_map", "sensitivity_maps"]
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Maps of two parameters: what they hold, and the condition of each point."""
 
-from __future__ import annotations
+__all__ = ["BlockStore", "Condition", "ParameterMap", "worst_condition"]
 
 import dataclasses
 import enum
@@ -33,7 +33,7 @@ class Condition(enum.IntEnum):
 
     sentence: str
 
-    def __new__(cls, value: int, sentence: str) -> Condition:
+    def __new__(cls, value: int, sentence: str) -> "Condition":
         member = int.__new__(cls, value)
         member._value_ = value
         member.sentence = sentence

@@ -1,6 +1,9 @@
 """What one parameter at a time does to the motion: slopes, and sweeps over a range."""
 
-from __future__ import annotations
+__all__ = [
+    "USUAL_COUNT", "LocalSensitivity", "Sweep", "Sweeps", "local_sensitivity", "step_widths",
+    "sweep", "sweep_values",
+]
 
 import dataclasses
 from collections.abc import Mapping, Sequence

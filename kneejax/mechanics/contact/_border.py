@@ -1,6 +1,6 @@
 """How far a contact reaches beyond the regions in which its surfaces are known."""
 
-from __future__ import annotations
+__all__ = ["OFF_SURFACE_MM", "Border"]
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -47,7 +47,7 @@ class Border(eqx.Module):
 
 
 def of_points(
-    femoral: Surface, sampled: Sampled, motion: Placement, of_each: Callable[..., Array]
+    femoral: Surface, sampled: "Sampled", motion: Placement, of_each: Callable[..., Array]
 ) -> Border:
     """Border of contacts summed over points.
 
@@ -64,7 +64,7 @@ def of_points(
     return Border(of_each(jnp.max, carried), share)
 
 
-def of_patch(contact: Contact, gap: Gap, contact_point: Array, off: Array) -> Border:
+def of_patch(contact: "Contact", gap: Gap, contact_point: Array, off: Array) -> Border:
     """Border of an elliptical patch: how far its rim reaches, and what is carried there."""
     inner = (np.arange(_RINGS) + 0.5) / _RINGS
     around = 2.0 * np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
@@ -96,7 +96,7 @@ def rim_off(femoral: Surface, tibial: Surface, gap: Gap, contact_point: Array) -
     return off
 
 
-def _away(contact: Contact, gap: Gap, contact_point: Array, part, angle) -> Array:
+def _away(contact: "Contact", gap: Gap, contact_point: Array, part, angle) -> Array:
     """How far places of the patch lie beyond either region, mm."""
     # A gap that is not convex has no ellipse: its middle alone is asked then.
     convex = gap.convex

@@ -17,7 +17,7 @@ dissipation times the rate of the overlap, at each point, and a contact never pu
 the number is `dissipation_s_per_mm` (OpenSim's is in s/m).
 """
 
-from __future__ import annotations
+__all__ = ["ContactDamper", "contact_damping_force"]
 
 from functools import partial
 

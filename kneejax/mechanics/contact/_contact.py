@@ -6,7 +6,7 @@ radii. `QUADRATURE` sums the pressure law over points of the tibial surface: for
 depths, at a cost in proportion to its points.
 """
 
-from __future__ import annotations
+__all__ = ["ELLIPTICAL_PATCH", "FORMS", "QUADRATURE", "Contact"]
 
 import dataclasses
 

@@ -5,7 +5,7 @@ bones are a larger one: what differs from contact to contact is told point by po
 one region to compile, however many menisci it has.
 """
 
-from __future__ import annotations
+__all__ = ["Foundation", "foundations_of"]
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -141,7 +141,7 @@ class Foundation(eqx.Module):
         return _border.of_points(surface, sampled, motion, self.of_each)
 
 
-def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
+def foundations_of(contacts: "Sequence[Contact]") -> tuple[Foundation, ...]:
     """The contacts over points among some, as few foundations as can hold them.
 
     Args:
@@ -158,7 +158,7 @@ def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
     return tuple(_of_rows(contacts, rows) for rows in kinds.values())
 
 
-def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
+def _of_rows(contacts: "Sequence[Contact]", rows: Sequence[int]) -> Foundation:
     own = [contacts[row] for row in rows]
     each, placed = zip(*map(_points_of, own), strict=True)
     rings = [(contact.ring, *of_ring) for contact, of_ring in zip(own, placed, strict=True)
@@ -201,7 +201,7 @@ def _hoops_of(rings: Sequence[tuple[Ring, Array, Array]]) -> Hoops:
     )  # fmt: skip
 
 
-def _points_of(contact: Contact) -> tuple[Points, tuple[Array, Array] | None]:
+def _points_of(contact: "Contact") -> tuple[Points, tuple[Array, Array] | None]:
     """Points of a contact, in the axes of its second bone; and of a ring the stiffness of its hoop
     and what depth its points lose for each mm of outward motion."""
     surface, trailing = contact.tibial, jnp.ndim(contact.onset_width)

@@ -8,7 +8,7 @@ derivative in the metric of the surface is all that is needed: nothing divides b
 of two curvatures, which vanishes for a sphere on a plane.
 """
 
-from __future__ import annotations
+__all__ = ["Gap"]
 
 import equinox as eqx
 import jax

@@ -15,7 +15,7 @@ with three times the operations, and its derivative, which every step of a searc
 times (tests/mechanics/contact/test_patch_force.py holds the two against each other).
 """
 
-from __future__ import annotations
+__all__ = ["Pressed"]
 
 from collections.abc import Callable
 
@@ -51,13 +51,13 @@ class Pressed(eqx.Module):
     contact_point: tuple[Array, Array]
     off: Array
 
-    def of(self, rows: tuple[int, ...]) -> Pressed:
+    def of(self, rows: tuple[int, ...]) -> "Pressed":
         """Some of several patches along a first axis, in their order."""
         if rows == tuple(range(len(self.energy))):
             return self
         return jax.tree.map(lambda x: x[jnp.array(rows)], self)
 
-    def carried(self, frame: Placement, there: Placement) -> Pressed:
+    def carried(self, frame: Placement, there: Placement) -> "Pressed":
         """Wrenches from the tibial surface's frame to the first bone's axes, about the second's
         origin."""
         wrench = self.wrench.moved(frame).turned(there)

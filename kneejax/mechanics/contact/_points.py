@@ -8,7 +8,7 @@ In this file and `_points_force`, `femoral` is what presses, `points` lie on tib
 `motion` leads from femoral to tibial axes, and depths are in mm.
 """
 
-from __future__ import annotations
+__all__ = ["Sampled"]
 
 import dataclasses
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def of_usual_rows(sound: Array) -> Array:
 
 
 def over_unusual_rows(
-    points: Points,
+    points: "Points",
     known: Array,
     sound: Array,
     search: Callable[..., Found],
@@ -99,10 +99,10 @@ Answer = TypeVar("Answer")
 
 def over_rays(
     femoral: Surface | Condyles,
-    points: Points,
+    points: "Points",
     motion: Placement,
-    answer: Callable[[Sampled], Answer],
-    hoops: Hoops | None = None,
+    answer: "Callable[[Sampled], Answer]",
+    hoops: "Hoops | None" = None,
 ) -> Answer:
     """What a function makes of the depths at points of tibial surfaces.
 
@@ -136,15 +136,15 @@ def over_rays(
 
 
 def sample(
-    femoral: Surface | Condyles, points: Points, motion: Placement, hoops: Hoops | None = None
-) -> Sampled:
+    femoral: Surface | Condyles, points: "Points", motion: Placement, hoops: "Hoops | None" = None
+) -> "Sampled":
     """Depths at all points; arguments as `over_rays`."""
     depth, *six, lost = over_rays(femoral, points, motion, _numbers)
     rays = Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
     return rays.settled(hoops)
 
 
-def _numbers(sampled: Sampled) -> tuple[Array, ...]:
+def _numbers(sampled: "Sampled") -> tuple[Array, ...]:
     """Depth, slope, twist and what is lost, each `(points, ...)`."""
     numbers = sampled.depth, *sampled.slope, *sampled.twist, sampled.lost
     shape = jnp.broadcast_shapes(*map(jnp.shape, numbers))
@@ -152,7 +152,7 @@ def _numbers(sampled: Sampled) -> tuple[Array, ...]:
 
 
 def quick_depths(
-    femoral: Surface, points: Points, motion: Placement
+    femoral: Surface, points: "Points", motion: Placement
 ) -> tuple[Array, Array]:
     """Depths of the usual rays, mm, and whose are sound.
 
@@ -164,7 +164,7 @@ def quick_depths(
     return jnp.where(bare, -rays.FARTHEST, quick), sound | bare
 
 
-def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -> Sampled:
+def quickly(femoral: Surface, points: "Points", motion: Placement, quick: Array) -> "Sampled":
     """What the points see where their rays are the usual ones."""
     lines = points.lines(motion)
     own = rays.follow(femoral, *lines, quick)
@@ -173,8 +173,8 @@ def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -
 
 
 def quickly_with_bend(
-    femoral: Surface, points: Points, motion: Placement, quick: Array
-) -> tuple[Sampled, Vector, Matrix]:
+    femoral: Surface, points: "Points", motion: Placement, quick: Array
+) -> "tuple[Sampled, Vector, Matrix]":
     """As `quickly`, with gradient and bend of the femoral level where the rays end.
 
     The surface is asked once for all of it, where the last step is taken: 3e-8 mm from the end at
@@ -188,8 +188,8 @@ def quickly_with_bend(
 
 
 def _usual(
-    points: Points, motion: Placement, own: Array, level: Array, gradient: Vector, steep: Array
-) -> Sampled:
+    points: "Points", motion: Placement, own: Array, level: Array, gradient: Vector, steep: Array
+) -> "Sampled":
     """What points see along usual rays that have been looked at near their ends."""
     per_steep = 1.0 / jnp.minimum(steep, -rays.LEVEL)
     depth = own + jnp.clip(level * per_steep, -rays.LAST_STEP, rays.LAST_STEP)
@@ -199,9 +199,9 @@ def _usual(
 
 
 def thoroughly(
-    femoral: Surface, points: Points, motion: Placement, known: Array, is_known: Array,
+    femoral: Surface, points: "Points", motion: Placement, known: Array, is_known: Array,
     found: rays.Exit,
-) -> Sampled:  # fmt: skip
+) -> "Sampled":  # fmt: skip
     """What the points see, whatever their rays."""
     depth, by_point, by_normal = rays.any_depth(femoral, *points.lines(motion), found)
     depth = jnp.where(is_known & (known <= -rays.APART), lax.stop_gradient(known), depth)
@@ -265,7 +265,7 @@ class Points(eqx.Module):
         relative = law.relative_pressure(self.law, self._rounded(near) / self.layer)
         return self.modulus * relative * self.touching(depth)
 
-    def only(self, counted: Array | np.ndarray) -> Points:
+    def only(self, counted: Array | np.ndarray) -> "Points":
         """The same points, of which those that do not count do nothing, `(points, ...)`."""
         area, damper = jnp.where(counted, self.area, 0.0), self.damper
         if damper is not None:
@@ -320,7 +320,7 @@ class Sampled(eqx.Module):
     lost: Array
     of_hoops: Array | None = None
 
-    def settled(self, hoops: Hoops | None) -> Sampled:
+    def settled(self, hoops: "Hoops | None") -> "Sampled":
         """Once rims have given way, if there are any."""
         if hoops is None:
             return self
@@ -343,7 +343,7 @@ class Sampled(eqx.Module):
         ray = self.depth if given_way is None else self.depth + given_way
         return self.points.point - ray * self.points.normal
 
-    def only(self, counted: Array) -> Sampled:
+    def only(self, counted: Array) -> "Sampled":
         """As `Points.only`; those that do not count are far apart, too."""
         depth = jnp.where(counted, self.depth, -rays.FARTHEST)
         return dataclasses.replace(self, points=self.points.only(counted), depth=depth)

@@ -19,7 +19,7 @@ derivatives of the femoral level. What springs are made of, a modulus above all,
 they are, and is differentiated there. Any change of a surface is differentiated with its rays.
 """
 
-from __future__ import annotations
+__all__ = ["PointFaults"]
 
 import dataclasses
 import functools
@@ -71,7 +71,7 @@ class PointFaults(eqx.Module):
     outside: Array
     lost: Array
 
-    def and_of(self, other: PointFaults) -> PointFaults:
+    def and_of(self, other: "PointFaults") -> "PointFaults":
         """Those of two contacts together."""
         return PointFaults(
             jnp.minimum(self.depth, other.depth),

@@ -16,8 +16,6 @@ Lines start at `start`, mm, in the axes of the solid `femoral`, and go against t
 `along`; what is `known` of them stays as it is where `is_known`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import equinox as eqx

@@ -14,7 +14,7 @@ the least by the pose, and needs no derivative of `u`; its stiffness has that of
 (`kneejax.mechanics.contact._points_force`).
 """
 
-from __future__ import annotations
+__all__ = ["Ring"]
 
 import dataclasses
 from itertools import pairwise
@@ -123,7 +123,7 @@ class Ring(eqx.Module):
 
     def resected(
         self, outline: np.ndarray, width: float, anterior: float, posterior: float
-    ) -> tuple[Ring, np.ndarray]:
+    ) -> "tuple[Ring, np.ndarray]":
         """What a partial meniscectomy leaves.
 
         The ring's cross-section is taken as a wedge that rises from its inner edge, so that half

@@ -5,7 +5,7 @@ course's obstacle. Only the ends that the obstacle's bone does not carry pull on
 outside, along the gradient of the length by them; this gives the wrench on the second bone.
 """
 
-from __future__ import annotations
+__all__ = ["Course"]
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -10,7 +10,7 @@ corner at the border of that part leaves an order of about 1 in the number of fi
 or 3/2 and more (Blankevoort, whose tension begins with a parabola).
 """
 
-from __future__ import annotations
+__all__ = ["AttachmentArea", "FibreField", "disc_quadrature", "fibre_field", "untwisted"]
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class AttachmentArea(NamedTuple):
     half_axes: np.ndarray
 
     @classmethod
-    def of_points(cls, points: ArrayLike, weights: ArrayLike | None = None) -> AttachmentArea:
+    def of_points(cls, points: ArrayLike, weights: ArrayLike | None = None) -> "AttachmentArea":
         """The ellipse of points that are spread over an area: the same mean, and the same second
         moments.
 
@@ -64,7 +64,7 @@ class AttachmentArea(NamedTuple):
         return cls(centre, half[:, None] * directions[:2])
 
     @classmethod
-    def of_outline(cls, outline: ArrayLike) -> AttachmentArea:
+    def of_outline(cls, outline: ArrayLike) -> "AttachmentArea":
         """The ellipse with the mean and the second moments of the area inside an outline.
 
         Args:
@@ -94,7 +94,7 @@ class AttachmentArea(NamedTuple):
         half = 2.0 * np.sqrt(squares[::-1])[:, None] * directions.T[::-1]
         return cls(plane.centre + middle @ units, half @ units)
 
-    def half(self, towards: ArrayLike) -> AttachmentArea:
+    def half(self, towards: ArrayLike) -> "AttachmentArea":
         """The half that lies in a direction, as the ellipse with its mean and second moments. A
         point of the disc keeps its place in it, so that a band is twisted as before.
 

@@ -13,7 +13,10 @@ Two conventions, each named by its unit:
   section 3.1; `critical_damping`), faded in alike: paper 2 does not say what a slack fibre does.
 """
 
-from __future__ import annotations
+__all__ = [
+    "FAILURE_SOURCE", "Dampers", "FibreFaults", "critical_damping", "damping_force", "tautness",
+    "usual_failure_strain",
+]
 
 from collections.abc import Sequence
 

@@ -1,6 +1,6 @@
 """Ligaments as nonlinear springs between two bones, straight or around obstacles."""
 
-from __future__ import annotations
+__all__ = ["BLANKEVOORT", "LIGAMENT_LAWS", "NEO_HOOKEAN", "Fibres", "Ligaments", "WrapState"]
 
 import functools
 import operator
@@ -108,7 +108,7 @@ class Fibres(eqx.Module):
         kinds = self.kinds
         return self._unit_pulls(kinds, self._ways(kinds, state), state)
 
-    def _unit_pulls(self, kinds: tuple[Course, ...], ways: list[_Way], state: State) -> Vector:
+    def _unit_pulls(self, kinds: tuple[Course, ...], ways: "list[_Way]", state: State) -> Vector:
         found = []
         for way in ways:
             first, force = way.course.bodies[0], way.pull.force.full()
@@ -149,7 +149,7 @@ class Fibres(eqx.Module):
         shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
         return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
 
-    def _ways(self, kinds: tuple[Course, ...], state: State) -> list[_Way]:
+    def _ways(self, kinds: tuple[Course, ...], state: State) -> "list[_Way]":
         """How the fibres of each kind run."""
         ways = []
         for course in kinds:

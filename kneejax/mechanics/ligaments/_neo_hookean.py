@@ -9,8 +9,6 @@ has its energy in closed form.
 Source: Treloar, The Physics of Rubber Elasticity; paper 4 has its ligaments of this material.
 """
 
-from __future__ import annotations
-
 import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike

@@ -1,6 +1,6 @@
 """Colours of figures: those of ligaments are the same in each of them."""
 
-from __future__ import annotations
+__all__ = ["BLACK", "BLUE", "GREEN", "GREY", "LIGHT", "ORANGE", "PURPLE", "VERMILLION"]
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -62,7 +62,7 @@ def uniform_colours():
     return ListedColormap(shades(256, 0.9))
 
 
-def both_signs() -> Colormap:
+def both_signs() -> "Colormap":
     """Blue for what is negative, white at zero, red for what is positive."""
     from matplotlib.colors import LinearSegmentedColormap
 

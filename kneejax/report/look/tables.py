@@ -3,6 +3,8 @@
 A table becomes lines of a terminal, rows of a CSV file, a piece of a page, and records of JSON.
 """
 
+__all__ = ["Table", "aligned", "json_safe", "wrapped"]
+
 import dataclasses
 import enum
 import itertools

@@ -1,6 +1,8 @@
 """A scene in viser (three.js), whose nodes are made once, then only moved, bent and coloured; and
 as one HTML page that turns and bends, and needs no network."""
 
+__all__ = ["scene_page"]
+
 import html
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence

@@ -1,5 +1,7 @@
 """Rendered scenes with words around them: one pose from several sides, several poses, a film."""
 
+__all__ = ["film", "scene_figure", "scenes_figure"]
+
 import io
 from collections.abc import Sequence
 from typing import Any

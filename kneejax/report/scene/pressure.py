@@ -1,5 +1,7 @@
 """Pressure on the tibial plateaux, seen from above."""
 
+__all__ = ["pressure_figure"]
+
 import dataclasses
 from collections.abc import Sequence
 

@@ -1,5 +1,7 @@
 """Scenes rendered."""
 
+__all__ = ["CannotRender"]
+
 import dataclasses
 import functools
 from collections.abc import Sequence

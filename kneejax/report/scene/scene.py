@@ -1,5 +1,7 @@
 """A knee in space as plain arrays: what the pictures and the page draw."""
 
+__all__ = ["BoneMesh", "Scene", "scenes"]
+
 import dataclasses
 from collections.abc import Sequence
 
