@@ -24,7 +24,7 @@ _USUAL = "lenhart2015_reduced"
 
 
 def asked_of_opensim(
-    arguments: options.Activity, body: files.WholeBody, knee: Knee, document: dict[str, Any], show
+    arguments: options.Activity, body: "files.WholeBody", knee: Knee, document: dict[str, Any], show
 ) -> tuple[LegRecord, list[Round]]:
     """What acts on the leg as OpenSim finds it, in the last of the rounds in which the knee's
     secondary motion goes back into the model; and these rounds, if any were asked for."""

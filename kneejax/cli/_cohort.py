@@ -34,7 +34,7 @@ _KNEE_MB = 0.25
 Mark = Mapping[str, Any]
 
 
-def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
+def compute(out: Path, svg: bool, task: "cohorts.Task") -> None:
     """Calibrate the knees of a task, or draw the data of one again and fit them, into the folder of
     a cohort's results, unless these are there; with `svg` each knee's figures are files too."""
     begun = time.perf_counter()
@@ -63,7 +63,7 @@ def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
 
 
 def _write(
-    folder: Path, task: cohorts.Task, answer: Calibration | Exception, seconds: float, svg: bool
+    folder: Path, task: "cohorts.Task", answer: Calibration | Exception, seconds: float, svg: bool
 ) -> dict[str, Any]:
     """Write the answer of a knee; what its mark says of it."""
     begun, failed = time.perf_counter(), ""
@@ -87,7 +87,7 @@ def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
         return [answer for study in studies for answer in _answers([study])]
 
 
-def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
+def finished(task: "cohorts.Task", out: Path) -> dict[str, Mark] | None:
     """What became of each knee of a task; None where any of them is still to be computed."""
     if task.draws is not None:
         if (data := read_sealed(_draws_file(task, out), task.fingerprint)) is None:
@@ -99,7 +99,7 @@ def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
     return marks if whole else None
 
 
-def _draws_file(task: cohorts.Task, out: Path) -> Path:
+def _draws_file(task: "cohorts.Task", out: Path) -> Path:
     first = 0 if task.draws is None else task.draws[0]
     return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
 
@@ -196,7 +196,7 @@ def run(arguments: Calibrate) -> int:
     return max(status, int(bool(failed)))
 
 
-def _unfinished(tasks: Sequence[cohorts.Task], out: Path) -> list[cohorts.Task]:
+def _unfinished(tasks: "Sequence[cohorts.Task]", out: Path) -> "list[cohorts.Task]":
     return [task for task in tasks if finished(task, out) is None]
 
 
@@ -243,7 +243,7 @@ def make_up(arguments: CohortSynthesise) -> int:
     return 0
 
 
-def _written(made: cohorts.MadeUpKnee, out: Path) -> list[str]:
+def _written(made: "cohorts.MadeUpKnee", out: Path) -> list[str]:
     """Write a knee and its data; its row of the table."""
     knee, passive = f"knees/{made.name}.yaml", f"data/{made.name}_passive.csv"
     files.write_knee(made.document, out / knee, _COMMENT)

@@ -116,7 +116,7 @@ def _shifted(axes: joints.CondyleAxes, shift: np.ndarray) -> joints.CondyleAxes:
     return dataclasses.replace(axes, facets=tuple(facets), points=axes.points + shift)
 
 
-def problem(file: str | Path, error: joints.JointProblem) -> files.InputProblem:
+def problem(file: str | Path, error: joints.JointProblem) -> "files.InputProblem":
     """The error of a command for what no joint can be made of."""
     return files.InputProblem(file, error.field, error.found, error.expected)
 

@@ -108,7 +108,7 @@ def view_knee(arguments: View) -> int:
     return max(status, int((found != Status.BALANCED).any()))
 
 
-def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
+def _bone(knee: Knee, bone: str, path: Path) -> "report.BoneMesh":
     """A bone's mesh, if it is where the knee has that bone."""
     mesh, fibres = files.read_mesh_points(path), knee.ligaments
     sides = fibres.femoral_attachment, fibres.tibial_attachment

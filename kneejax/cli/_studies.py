@@ -96,7 +96,7 @@ def objective_maps(arguments: options.Map) -> int:
     return deliver(map_answer(maps, about, packages, begun), arguments, shown)
 
 
-def _study(name_or_path: str) -> tuple[studies.Study, str]:
+def _study(name_or_path: str) -> "tuple[studies.Study, str]":
     """A study, and where it begins: at its start, or of a calibration's result at its fit."""
     path = Path(name_or_path)
     a_result = path.is_dir() or path.suffix.lower() == ".json"
@@ -197,7 +197,7 @@ def plan_acl(arguments: options.PlanAcl) -> int:
     return deliver(plan_answer(result), arguments, written, result.seconds)
 
 
-def _write_knees(arguments: options.PlanAcl, result: planning.PlanResult) -> list[str]:
+def _write_knees(arguments: options.PlanAcl, result: "planning.PlanResult") -> list[str]:
     """The reconstructed knees as knee files, which every command takes."""
     plan, one = result.plan, result.plan.surgery.plan
     known = {"planned": result.planned}

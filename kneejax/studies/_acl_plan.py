@@ -286,7 +286,7 @@ def _tunnels(stated: Any, footprint: Footprint, bundles: int) -> np.ndarray:
 
 
 def drawn_parameters(
-    calibrated: files.Calibrated, count: int, seed: int = 0
+    calibrated: "files.Calibrated", count: int, seed: int = 0
 ) -> tuple[list[dict[str, float]], tuple[str, ...]]:
     """Draw parameters from the normal distribution about a fit.
 
