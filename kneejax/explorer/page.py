@@ -16,7 +16,7 @@ from kneejax.explorer.setting import Answer, Curves, Folder, Setting, Subject
 from kneejax.explorer.solving import Solver
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
-from kneejax.report.scene.drawing import Drawing, look_at
+from kneejax.report.scene.drawing import SceneView, look_at
 from kneejax.report.scene.scene import Scene
 
 #: Points on each articular surface.
@@ -68,7 +68,7 @@ class Page:
         self._kept: tuple[Answer, Curves | None, Any] | None = None
         self._latest = Latest(self._solve, self._failed)
         self.solved = self._latest.settled
-        self._drawing = Drawing(server.scene, self._clicked)
+        self._drawing = SceneView(server.scene, self._clicked)
         self._ends = panels.Ends(server.scene, subject, self.set)
         self.answer = self._solver.unsolved()
         self._scene: Scene | None = None

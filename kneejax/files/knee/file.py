@@ -79,11 +79,6 @@ class KneeFile:
         right = check_knee(mirror_document(document) if side == "left" else document, self.path)
         return _built(right, side, str(self.path), tension_N or {})
 
-    @property
-    def adaptations(self) -> tuple[dict[str, Any], ...]:
-        """Changes of published values: mappings with `field`, `from`, `to` and `reason`."""
-        return tuple(self.document.get("adaptations", ()))
-
 
 def read_knee(path: str | os.PathLike[str]) -> KneeFile:
     """Read a knee file.

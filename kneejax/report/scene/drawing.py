@@ -46,7 +46,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))  # pyright: ignore[reportReturnType]
 
 
-class Drawing:
+class SceneView:
     """A scene on the screen; `words`: labels; `strain` and `pressure`: ends of the colours."""
 
     def __init__(self, viser_scene: Any, clicked: Callable[[str], None] | None = None,
@@ -225,7 +225,7 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     try:
         look_at(server, shown[0])
         server.scene.world_axes.visible = False
-        drawing, record = Drawing(server.scene, None, *limits), server.get_scene_serializer()
+        drawing, record = SceneView(server.scene, None, *limits), server.get_scene_serializer()
         above = shown[0].points_mm.max(axis=0) * [0.0, 1.0, 0.0] + [0.0, 8.0, 0.0]
         for scene in shown:
             drawing.show(scene)

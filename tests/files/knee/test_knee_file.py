@@ -40,7 +40,7 @@ def test_round_trip(tmp_path, knee_document):
     assert found.sources["ligaments.ACL"] == "paper, Table 1"
     assert found.sources["ligaments.PCL.slack_length_mm"] == "1e-3"
     assert found.sources["contacts.medial.tibial_surface"] == "fitted"
-    assert found.adaptations[0]["to"] == 4500
+    assert found.document["adaptations"][0]["to"] == 4500
 
 
 def test_text_is_plain_yaml_too(tmp_path, knee_document):
