@@ -51,6 +51,7 @@ LONGEST = (
     "statics/test_second_derivatives.py",
     "experiments/test_extensor.py",
     "explore/test_page.py",
+    "explore/test_beginning.py",
     "mechanics/contact/test_points_force.py",
     "statics/test_three_bones.py",
     "validation/test_lenhart2015.py",

@@ -1,7 +1,8 @@
-"""A page that is served for the tests of a file."""
+"""A page that is served for the tests of a file, and a browser."""
 
 import pytest
 
+from tests.explore.browser import CHROMIUM
 from tests.explore.waiting import settled
 
 
@@ -15,3 +16,13 @@ def page(tmp_path_factory):
     settled(served)
     yield served
     served.stop()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"{CHROMIUM} is not installed: apt-get install chromium")
+    software = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with playwright.sync_playwright() as started:
+        yield started.chromium.launch(executable_path=str(CHROMIUM), args=software)

@@ -1,13 +1,7 @@
 """The page in a real browser."""
 
 import contextlib
-import json
-import subprocess
-import sys
-import threading
 import time
-from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -15,24 +9,9 @@ import pytest
 import kneejax as kj
 
 pytest.importorskip("viser", reason="viser is not installed: kneejax[explore]")
-from kneejax import report
-from kneejax.cli._explore import _subject, begin
-from kneejax.cli.options.knees import Explore
-from kneejax.explorer import Setting, Solver
+from kneejax.explorer import Setting
+from tests.explore.browser import WAIT_MS, enter, pixels
 from tests.explore.waiting import settled, until
-
-CHROMIUM = Path("/usr/bin/chromium")
-WAIT_MS = 90_000
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"{CHROMIUM} is not installed: apt-get install chromium")
-    software = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as started:
-        yield started.chromium.launch(executable_path=str(CHROMIUM), args=software)
 
 
 @pytest.fixture
@@ -43,31 +22,6 @@ def tab(browser, page):
     opened.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
     yield opened
     opened.close()
-
-
-def number(tab, label):
-    return tab.locator(
-        f"xpath=//label[contains(., '{label}')]/following::input[not(@type='hidden')][1]"
-    )
-
-
-def enter(tab, page, label, value):
-    field = number(tab, label)
-    field.fill(str(value))
-    field.press("Enter")
-    if page is not None:
-        until(lambda: page.setting.given)
-        settled(page)
-
-
-def pixels(tab):
-    """What the knee's side of the page shows."""
-    import io
-
-    from PIL import Image
-
-    clip = {"x": 330, "y": 0, "width": 700, "height": 900}
-    return np.asarray(Image.open(io.BytesIO(tab.screenshot(clip=clip))).convert("RGB"), float)
 
 
 def test_a_slider_moves_the_knee_to_the_pose_of_the_command_line(tab, page):
@@ -163,29 +117,6 @@ def test_two_tabs_show_the_same_after_reload_and_resize(tab, page, browser):
     until(lambda: len(page._charts) == 1)
 
 
-def test_a_page_opens_while_its_programs_are_compiled(browser, monkeypatch):
-    done, curves = threading.Event(), Solver.curves
-    monkeypatch.setattr(Solver, "curves", lambda *given, **more: done.wait() and curves(
-        *given, **more))  # fmt: skip
-    served = begin(Explore.read({"subject": "four_ligament", "port": "8440"}))
-    opened = browser.new_page()
-    opened.goto(served.link)
-    opened.get_by_text("Compiling").wait_for(timeout=WAIT_MS)
-    # What is set meanwhile is what is solved.
-    enter(opened, None, "Flexion", 30)
-    until(lambda: served.setting.given == {"flexion_deg": 30.0})
-    assert served.answer.status is None and not served.solved.is_set()
-    until(lambda: served._drawing._made)
-    assert not [name for name in served._drawing._made if name.startswith("/words/")]
-    done.set()
-    opened.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
-    settled(served)
-    assert served.answer.setting == served.setting
-    assert opened.get_by_text("Compiling").count() == 0
-    opened.close()
-    served.stop()
-
-
 def test_a_link_holds_the_setting(tab, page, browser):
     wanted = Setting.of({"flexion_deg": 20.0, "LCL.cut": 1.0})
     other = browser.new_page()
@@ -212,53 +143,6 @@ def test_a_knee_file_is_saved_into_the_folder_and_reads_as_the_setting(tab, page
     assert float(study.knee_at_start.ligaments.stiffness[0]) == pytest.approx(begin)
 
 
-@pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    """What a calibration leaves, of a study beside it."""
-    folder = tmp_path_factory.mktemp("result")
-    study = {"title": "two", "knee": "four_ligament", "parameters": ["ACL.stiffness"],
-             "synthetic": {"parameters": {"ACL.stiffness": 4000.0}, "flexion_deg": [0.0, 30.0]}}
-    (folder / "study.yaml").write_text(json.dumps(study))
-    said = {"title": "two", "parameters": {"ACL.stiffness": {"value": 3900.0}},
-            "stiffness_of": "structure", "frame_offset": {"lateral": {"value": 0.5}},
-            "settings": {"knee": "four_ligament", "path": str(folder / "study.yaml")}}  # fmt: skip
-    (folder / "result.json").write_text(json.dumps(said))
-    return folder / "result.json"
-
-
-def test_a_result_stands_behind_the_curves_with_its_measurement(result):
-    knee, _, measured, first = _subject(Explore.read({"subject": str(result)}))
-    assert first == "stored fit"
-    assert float(knee.ligaments.stiffness[0]) == pytest.approx(3900.0)
-    seen = kj.read_study(result.parent / "study.yaml").poses()
-    np.testing.assert_allclose(measured[:, :5], seen[:, :5])
-    np.testing.assert_allclose(measured[:, 5], seen[:, 5] - 0.5)
-    (result.parent / "study.yaml").unlink()
-    assert _subject(Explore.read({"subject": str(result)}))[2] is None
-
-
-def test_a_patella_is_shown_or_refused_never_left_out():
-    knee, *_ = _subject(Explore.read({"subject": "average_knee", "patella": True}))
-    assert knee.bodies == ("tibia", "patella")
-    with pytest.raises(kj.InputProblem, match="--patella: with a study: expected a knee"):
-        _subject(Explore.read({"subject": "paper1", "patella": True}))
-
-
-def test_a_page_of_a_scene_draws_from_its_file_without_a_network(browser, tmp_path):
-    poses = kj.Pose.from_table([[15.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.7, -1.0, -1]])
-    scenes = report.scenes(kj.load_knee("four_ligament"), poses)
-    (tmp_path / "scene.html").write_text(report.scene_page(scenes), encoding="utf-8")
-    asked = []
-    alone = browser.new_context(offline=True, viewport={"width": 1440, "height": 900}).new_page()
-    alone.on("request", lambda request: asked.append(request.url))
-    alone.goto((tmp_path / "scene.html").as_uri())
-    alone.get_by_text("the tibia held still").wait_for(timeout=WAIT_MS)
-    until(lambda: pixels(alone).std() > 5.0)
-    assert alone.get_by_text("Strain, %").is_visible()
-    assert not [url for url in asked if url.startswith(("http", "ws"))]
-    alone.context.close()
-
-
 def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
     page._server._websock_server.disconnect_all_clients()
     time.sleep(0.5)
@@ -268,36 +152,6 @@ def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
     shown = tab.get_by_text(words).first
     shown.wait_for(timeout=WAIT_MS)
     assert shown.is_visible()
-
-
-def started(port):
-    """The command, in a process of its own, and the link that it prints."""
-    command = [sys.executable, "-m", "kneejax", "explore", "four_ligament", "--port", str(port)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    return process, process.stdout.readline().strip()
-
-
-def stop(process):
-    process.kill()
-    process.wait(30.0)
-    process.stdout.close()
-
-
-def test_a_server_killed_and_started_again_serves_its_new_link_alone(browser):
-    process, link = started(8460)
-    tab = browser.new_page()
-    tab.goto(link)
-    tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
-    stop(process)
-    process, again = started(8460)
-    try:
-        assert urlsplit(again).netloc == urlsplit(link).netloc and again != link
-        assert tab.goto(link).status == 403
-        tab.goto(again)
-        tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
-    finally:
-        stop(process)
-        tab.close()
 
 
 @pytest.mark.slow
