@@ -279,7 +279,7 @@ class Continuation(NamedTuple):
             expected=jnp.where(begins, expected, paths.expected),
             straight=jnp.where(begins, orders[-1], paths.straight),
             y=jnp.where(begins, guess.q, paths.y),
-            state=paths.state.anew(begins, guess),
+            state=paths.state.restarted(begins, guess),
             patient=jnp.where(begins, patient, paths.patient),
         )
 

@@ -176,7 +176,7 @@ class SearchState(eqx.Module):
         """Lanes that have found one."""
         return self.phase == Phase.FOUND
 
-    def anew(self, lanes: Array, guess: Guess) -> "SearchState":
+    def restarted(self, lanes: Array, guess: Guess) -> "SearchState":
         """With a search that begins at a guess in some lanes."""
         first = SearchState.begun(guess, self.there, self.scales)
         return jax.tree.map(lambda new, old: jnp.where(lanes, new, old), first, self)
