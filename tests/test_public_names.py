@@ -63,6 +63,13 @@ def test_to_import_the_package_is_cheap():
     assert not {"jax", "numpy", "scipy", "yaml", "kneejax.geometry"} & set(done.stdout.split())
 
 
+def test_what_calibrates_imports_no_plan():
+    """Annotations that name a lazy room are words: evaluated, they import it."""
+    check = "import sys, kneejax.cli._studies; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    assert not {"kneejax.planning._plan", "scipy.optimize"} & set(done.stdout.split())
+
+
 ROOMS = sorted(
     x.name for x in pkgutil.walk_packages(kneejax.__path__, "kneejax.") if x.ispkg
 )  # fmt: skip

@@ -147,7 +147,8 @@ def tendon_rows(knee: Knee) -> np.ndarray:
     return np.array([k for k, p in enumerate(knee.ligaments.bodies) if p == (PATELLA, TIBIA)], int)
 
 
-@compiled()
+# XLA's older emitters write out a path around bones anew for every row of a stack: minutes.
+@compiled(effort="most")
 def pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple[Array, Array]:
     """Forces of muscles and loads in tibia axes, `(3, parts, poses)` each."""
     lanes, state = load_cases.load(add_lane_axis(knee)), equilibrium.state
