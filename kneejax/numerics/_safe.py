@@ -55,7 +55,7 @@ def safe_sqrt(x: ArrayLike) -> Array:
         x: radicand; negative values give zero.
 
     Returns:
-        The square root, `0` where `x <= 0`.
+        The square root, `0` where `x <= 0`, NaN where `x` is.
 
     Example:
         >>> import jax
@@ -63,7 +63,7 @@ def safe_sqrt(x: ArrayLike) -> Array:
         0.0
     """
     x = jnp.asarray(x, float)
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+    return jnp.where(x <= 0, 0.0, jnp.sqrt(jnp.where(x <= 0, 1.0, x)))
 
 
 def positive_part(x: ArrayLike, width: ArrayLike) -> Array:

@@ -150,6 +150,7 @@ def test_tables_and_states_round_trip_with_batches(rng):
 
 def test_safe_primitives_are_finite_and_exact_where_the_formulas_are_not():
     assert float(numerics.safe_sqrt(-1.0)) == 0.0
+    assert np.isnan(numerics.safe_sqrt(np.nan)), "what is not known is not slack"
     assert float(jax.grad(numerics.safe_sqrt)(4.0)) == pytest.approx(0.25)
     assert float(jax.grad(jax.grad(numerics.safe_sqrt))(0.0)) == 0.0
     slope = jax.grad(
