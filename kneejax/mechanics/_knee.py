@@ -103,17 +103,18 @@ class Knee(eqx.Module):
         Args:
             values: name of a parameter, as `kneejax.select` takes it (`ACL.stiffness`,
                 `*.reference_strain`, `medial.youngs_modulus`), -> its value, in its own unit. A
-                group's stiffness is the sum over its fibres. Reference strains are set last,
-                whatever their order: a fibre whose end moves keeps the one that it gets.
+                group's stiffness is the sum over its fibres. Their order says nothing: a name
+                counts before a wildcard, and reference strains are set last: a fibre whose end
+                moves keeps the one that it gets.
 
         Warns:
             DoubtfulValue: a structure's stiffness that is nearer to that of one of its fibres.
 
         Raises:
-            UnknownParameter: the knee has no such parameter; with the nearest name. Also if a slack
-                length has two values.
-            Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
-                such a knee, as in a knee file.
+            UnknownParameter: the knee has no such parameter; with the nearest name. Also if one number
+                has two values, as of a fibre and of its group.
+            Implausible: no number, a value that no knee has (`kneejax.mechanics.RANGES`), or one
+                that leads to such a knee, as in a knee file.
 
         Example:
             >>> import jax, kneejax as kj

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 
 from kneejax.mechanics import Contact, Implausible, Knee, at_reference, check_fibres
 from kneejax.numerics import numpy_for, traced
-from kneejax.parameters._numbers import OF_STRAIN, doubt_value
+from kneejax.parameters._numbers import doubt_value
 from kneejax.parameters._selection import UnknownParameter, fibre_rows, select
 from kneejax.quantities import nearest_name, range_of_parameter
 
@@ -24,34 +24,47 @@ _NOWHERE = 1e4
 
 def replaced(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
     """What `Knee.replace` gives, and says."""
-    _check_one_slack(knee, values)
-    for name in sorted(values, key=lambda name: name.rpartition(".")[2] in OF_STRAIN):
-        value, selection = values[name], select(knee, [name])
-        if not traced(value):
-            value = float(value)
-            allowed = range_of_parameter(selection.names[0])
-            if allowed and not allowed.holds(value):
-                owner, quantity = name.split(".", 1)
-                raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
-            doubt_value(knee, name, value)
-        knee = selection.apply(knee, numpy_for(value).full(len(selection), value))
+    values = {name: _allowed(knee, name, value) for name, value in values.items()}
+    if given := _of_each(knee, values):
+        selection = select(knee, [*given])
+        every = [*given.values()]
+        knee = selection.apply(knee, numpy_for(every).stack(every))
     if values and not traced(knee):
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
 
 
-def _check_one_slack(knee: Knee, values: Mapping[str, ArrayLike]) -> None:
-    """No slack length may be given twice, as a length and as a strain."""
-    given: dict[str, tuple[str, str]] = {}
-    for name in values:
-        if (quantity := name.rpartition(".")[2]) not in ("slack_length", *OF_STRAIN):
-            continue
-        selection = select(knee, [name])
-        for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):
-            other, way = given.setdefault(fibre, (name, quantity))
-            if way != quantity:
-                said = f"{other} and {name} give one number (slack length of {fibre}): choose one"
-                raise UnknownParameter(said)
+def _allowed(knee: Knee, name: str, value: ArrayLike) -> ArrayLike:
+    """A value that its parameter may have; refuses others, and doubts one of a single fibre."""
+    selection = select(knee, [name])
+    if traced(value):
+        return value
+    owner, quantity = name.split(".", 1)
+    if np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
+        raise Implausible(owner, quantity, f"{value}", "a number")
+    allowed, value = range_of_parameter(selection.names[0]), float(np.asarray(value))
+    if allowed and not allowed.holds(value):
+        raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
+    doubt_value(knee, name, value)
+    return value
+
+
+def _of_each(knee: Knee, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """The value of each single parameter: a name counts before a wildcard, that of one number
+    before that of several. Areas first, since a stiffness follows them."""
+    named: dict[bool, dict[str, ArrayLike]] = {False: {}, True: {}}
+    for several in (True, False):
+        for name, value in values.items():
+            owner, _, quantity = name.partition(".")
+            selection = select(knee, [name])
+            own = [selection.quantity(i) for i in range(len(selection))]
+            if several == any(one != quantity for one in own):
+                named[owner == "*"] |= dict.fromkeys(selection.names, value)
+    driven = select(knee, [*named[False]]).driven
+    for name in named[True]:
+        if driven.keys().isdisjoint(select(knee, [name]).driven):
+            named[False][name] = named[True][name]
+    return dict(sorted(named[False].items(), key=lambda one: not one[0].endswith(".area")))
 
 
 def cut(knee: Knee, names: Sequence[str]) -> Knee:

@@ -9,7 +9,7 @@ __all__ = ["Selection", "UnknownParameter", "UnsuitableData", "fibre_rows", "sel
 import dataclasses
 import functools
 import re
-from typing import Any
+from collections.abc import Hashable, Mapping
 
 import jax.numpy as jnp
 import numpy as np
@@ -99,6 +99,19 @@ class Selection:
         """Unit of a parameter, empty for a plain number."""
         return quantity_of(self.quantity(index)).unit
 
+    @functools.cached_property
+    def driven(self) -> Mapping[Hashable, str]:
+        """Each number that parameters drive, of one fibre or of another part -> the parameter."""
+        driven: dict[Hashable, str] = {}
+        for i, name in enumerate(self.names):
+            quantity = _WRITES.get(self.quantity(i), self.quantity(i))
+            own = {(fibre, quantity): f" (of {fibre})" for fibre in self.fibres(i)}
+            for number, of in (own or {self.leaf(i): ""}).items():
+                other = driven.setdefault(number, name)
+                if other != name:
+                    raise UnknownParameter(f"{other} and {name} are one number{of}: choose one")
+        return driven
+
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
         # Every quantity once, of all fibres.
@@ -172,7 +185,7 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
         chosen |= {key: leaf for key, leaf in found.items() if key not in chosen}
     leaves = tuple((name, leaf) for name, leaf in chosen.items() if leaf is not None)
     selection = Selection(tuple(chosen), ligaments, knee.groups, leaves)
-    _check_once(selection)
+    selection.driven  # refuses a number that is chosen twice
     return _one(selection)
 
 
@@ -228,18 +241,6 @@ def _one(selection: Selection) -> Selection:
     """The same choice is the same object: its bound methods, which steer compiled functions, are
     equal only then."""
     return selection
-
-
-def _check_once(selection: Selection) -> None:
-    """No number of a fibre may be driven by two parameters."""
-    driven: dict[Any, str] = {}
-    for i, name in enumerate(selection.names):
-        quantity = _WRITES.get(selection.quantity(i), selection.quantity(i))
-        own = {(fibre, quantity): f" (of {fibre})" for fibre in selection.fibres(i)}
-        for number, of in own.items() if own else [(selection.leaf(i), "")]:
-            other = driven.setdefault(number, name)
-            if other != name:
-                raise UnknownParameter(f"{other} and {name} are one number{of}: choose one")
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:

@@ -162,3 +162,56 @@ def test_a_strain_is_that_of_the_moved_fibre_whatever_is_said_first(small_knee):
         knee = small_knee.replace(order)
         selection = select(knee, list(values))
         np.testing.assert_allclose(selection.read(knee), [0.04, 6.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "read"),
+    [
+        # A name counts before a wildcard, also a group's and one that gives the number otherwise.
+        ({"ACL.stiffness": 500.0, "*.stiffness": 3000.0},
+         {"ACL.stiffness": 500.0, "PCL.stiffness": 3000.0}),
+        ({"cruciates.stiffness": 9000.0, "*.stiffness": 3000.0},
+         {"cruciates.stiffness": 9000.0, "MCL.stiffness": 3000.0}),
+        ({"ACL.slack_length": 31.0, "*.reference_strain": 0.02},
+         {"ACL.slack_length": 31.0, "PCL.reference_strain": 0.02}),
+        ({"medial.youngs_modulus": 6.0, "*.youngs_modulus": 3.0},
+         {"medial.youngs_modulus": 6.0, "lateral.youngs_modulus": 3.0}),
+        # One number of several counts before all of them.
+        ({"ACL.femoral_attachment.anterior": -9.0, "ACL.femoral_attachment": -5.0},
+         {"ACL.femoral_attachment.anterior": -9.0, "ACL.femoral_attachment.superior": -5.0}),
+    ],
+)  # fmt: skip
+def test_what_is_given_first_says_nothing(bundled, values, read):
+    for order in (values, dict(reversed(values.items()))):
+        knee = bundled.replace(order)
+        selection = select(knee, list(read))
+        np.testing.assert_allclose(selection.read(knee), [*read.values()], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"ACL.stiffness": 500.0, "cruciates.stiffness": 9000.0},
+        {"ACL.slack_length": 31.0, "all.reference_strain": 0.02},
+        {"*.slack_length": 31.0, "*.reference_strain": 0.02},
+    ],
+)
+def test_no_number_is_given_two_values(bundled, values):
+    for order in (values, dict(reversed(values.items()))):
+        with pytest.raises(UnknownParameter, match="are one number .of ACL.: choose one"):
+            bundled.replace(order)
+
+
+@pytest.mark.parametrize("value", [True, "500", [500.0, 600.0], None])
+def test_what_is_no_number_is_refused(bundled, value):
+    with pytest.raises(ValueError, match=r"ACL.stiffness: .*: expected a number"):
+        bundled.replace({"ACL.stiffness": value})
+
+
+def test_a_stiffness_that_is_given_beside_an_area_is_that_stiffness(small_knee):
+    fibres = dataclasses.replace(small_knee.ligaments, area=jnp.full(4, 20.0))
+    band = dataclasses.replace(small_knee, ligaments=fibres)
+    for values in ({"ACL.stiffness": 500.0, "ACL.area": 40.0},
+                   {"ACL.area": 40.0, "ACL.stiffness": 500.0}):  # fmt: skip
+        found = band.replace(values).ligaments
+        assert (float(found.stiffness[0]), float(found.area[0])) == (500.0, 40.0)
