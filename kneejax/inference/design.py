@@ -133,8 +133,8 @@ class Design(Named):
             move by a standard deviation of what is known before, as a part of the change,
             `(chosen,)`.
         prior: standard deviations of a prior that was added to the data, `(p,)`, or None.
-        prior_assumed: whether that was nobody's choice but needed, since the data alone leave
-            combinations less certain than it.
+        prior_assumed: whether some of it was nobody's choice but needed, since the data alone leave
+            combinations less certain than the scales.
         freed: parameters on a bound at the fit, which count as free here.
 
     Source: Fedorov 1972, Theory of Optimal Experiments.
@@ -199,10 +199,10 @@ def design_tests(
         candidates: `usual_candidates()` by default.
         count: how many tests to choose.
         criterion: `D` or `A`.
-        prior: standard deviations of what is known without the data, `(p,)`, e.g. `known.scale`.
-            Data that leave a combination of parameters less certain than that need one, or the
-            choice would go after numbers without meaning; `known.scale` is then taken
-            (`prior_assumed`).
+        prior: standard deviations of what is known without the data, `(p,)`, infinite where
+            nothing is. Where both leave a combination of parameters less certain than `known.scale`
+            the choice would go after numbers without meaning: that scale is then taken for the
+            parameters without a prior (`prior_assumed`).
         repeat: whether a test may be made several times.
 
     Returns:
@@ -220,7 +220,8 @@ def design_tests(
         'no load'
     """
     tests = tuple(usual_candidates() if candidates is None else candidates)
-    noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
+    noise = np.asarray(noise, float)
+    prior = np.full(len(selection), np.inf) if prior is None else np.asarray(prior, float)
     check_tests(tests, count, criterion, repeat=repeat)
     _check(selection, known, noise, prior)
     load_cases = load_cases_of(tests)
@@ -233,12 +234,9 @@ def design_tests(
         )
     slope = np.where(usable[:, None, None], table_of(found)[1][0], 0.0)
     told = told_by(tests, slope, noise, known.scale)
-    added = prior
-    if prior is None and np.linalg.eigvalsh(known.matrix)[0] < 1.0:
-        added = known.scale
-    base = known.matrix
-    if added is not None:
-        base = base + np.diag((known.scale / added) ** 2)
+    base = known.matrix + np.diag((known.scale / prior) ** 2)
+    assumed = np.isinf(prior) & (np.linalg.eigvalsh(base)[0] < 1.0)
+    base, prior = base + np.diag(1.0 * assumed), np.where(assumed, known.scale, prior)
     chosen = choose(base, told, count, criterion, usable=usable, repeat=repeat)
     covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
     bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
@@ -252,8 +250,8 @@ def design_tests(
         status=found.status[0], chosen=chosen, standard_errors=standard_errors(steps) * known.scale,
         criterion_values=np.exp(each / 2) if criterion == "D" else np.sqrt(each),
         gains=np.where(usable, gains, np.nan),
-        standard_errors_next=errors, departures=bends, prior=added,
-        prior_assumed=prior is None and added is not None,
+        standard_errors_next=errors, departures=bends,
+        prior=prior if np.isfinite(prior).any() else None, prior_assumed=bool(assumed.any()),
         freed=tuple(n for n, on in zip(known.names, known.at_bound, strict=True) if on),
     )  # fmt: skip
 
@@ -313,8 +311,6 @@ def _check(selection, known, noise, prior) -> None:
         raise UnsuitableData("the information is not that of the selected parameters")
     if noise.shape != (5,) or not (np.isfinite(noise) & (noise > 0)).all():
         raise UnsuitableData(f"noise {noise}: expected five standard deviations above 0")
-    if prior is None:
-        return
     if prior.shape != known.scale.shape:
         raise UnsuitableData(f"prior of shape {prior.shape}: expected {known.scale.shape}")
     for name, width in zip(known.names, prior, strict=True):

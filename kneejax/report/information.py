@@ -1,5 +1,6 @@
 """What data determine of parameters by curvature, and which tests tell more: words and tables."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -235,6 +236,11 @@ def design_words(design: Design) -> list[str]:
 def design_notes(design: Design) -> list[str]:
     """What else a reader must know."""
     notes = [prose("design.prior")] if design.prior_assumed else []
+    prior = np.full(len(design.names), np.inf) if design.prior is None else design.prior
+    said = np.isfinite(prior) & ~(design.prior_assumed & (prior == design.scale))
+    if said.any():
+        names = joined([plain(name) for name in itertools.compress(design.names, said)])
+        notes.append(prose("design.stated", names=names))
     lost = design.status[np.isnan(design.gains)]
     if len(lost):
         words = sorted({word.replace("_", " ") for word in words_of(lost)})

@@ -194,17 +194,19 @@ def identify(
         asked = asked.replace(weights={name: 0.0 for name, x in asked.weights.items() if x == 0})
     with progress_of(progress, "fit and limits") as show:
         found, sampled = inference.identify(asked.problem()), None
+        known = _known_before(study, options)
         if options.posterior:
             drawn = None if show is None else functools.partial(show, "posterior")
             sampled = inference.posterior(
                 found.problem, found.vector, float(found.noise[2]), float(found.noise[0]),
-                priors=options.prior, bounds=study.limits, chains=options.chains,
+                priors=known, bounds=study.limits, chains=options.chains,
                 draws=options.draws, seed=options.seed, truth=study.truth, progress=drawn)
         if show is not None:
             show("tests to make next", 0, 0)
+        spread = [known.get(name, (0.0, np.inf))[1] for name in study.selection.names]
         design = inference.design_tests(found.selection, study.knee_at_start, found.information,
                                         found.noise, options.candidates, count=options.next_tests,
-                                        criterion=options.criterion)  # fmt: skip
+                                        criterion=options.criterion, prior=spread)  # fmt: skip
     return Identified(study, options, found, sampled, design, time.perf_counter() - begun)
 
 
@@ -280,7 +282,7 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
             candidates = options.candidates
             candidates = inference.usual_candidates() if candidates is None else candidates
             check_tests(candidates, options.next_tests, options.criterion)
-            parameter_priors(knee, selection, options.prior, study.limits)
+            parameter_priors(knee, selection, _known_before(study, options), study.limits)
             if options.posterior:
                 _passive_alone(study, ["tests"], "the posterior is")
                 for package in ("blackjax", "arviz"):
@@ -304,6 +306,16 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
                 check_installed("SALib", "sensitivity")
                 checks.index_ranges(knee, selection, study.limits, options.range, options.prior,
                                     method=options.indices, samples=_samples(options))
+
+
+def _known_before(study: Study, options: Identify) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation of the priors that are stated: asked for, or the study's own
+    around its start."""
+    asked, own = (stated(study.selection, x, "prior") for x in (options.prior, study.believed))
+    start = study.selection.read(study.knee_at_start).tolist()
+    each = zip(study.selection.names, asked, start, own, strict=True)
+    found = {name: said or (middle, sd) for name, said, middle, sd in each}
+    return {name: one for name, one in found.items() if one[1] is not None}
 
 
 def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:

@@ -184,7 +184,7 @@ class Identify(Options):
     prior: Annotated[
         dict[str, tuple[float, float]], PlainValidator(by_parameter(_normal))] = meaning(
         "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
-        "wildcard, for the posterior", dict)
+        "wildcard, for the posterior and the tests to make next; the study's otherwise", dict)
     posterior: reading.Flag = meaning("sample it (packages BlackJAX and ArviZ)", False)
     chains: Annotated[int, reads(reading.whole, 1, 1000)] = meaning("of the posterior's samples", 4)
     draws: Annotated[int, reads(reading.whole, 1, 1_000_000)] = meaning(

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax import inference
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.parameters import UnsuitableData
+from kneejax.report.information import design_notes
 
 TABLE = np.array([[x, 0.5, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0)])
 
@@ -86,6 +88,26 @@ def test_noise_that_is_stated_weighs_what_data_determine_whatever_the_weights(kn
     assert weighed.found.values == pytest.approx(plain.found.values)
     assert not weighed.found.noise_estimated
     assert kj.identify(kj.Study(**asked, weights="paper1")).found.noise_estimated
+
+
+def test_what_a_study_believes_counts_in_the_posterior_and_in_what_to_measure_next(
+    knee, monkeypatch
+):
+    table = np.array(kj.passive_flexion(knee, [0.0, 30.0, 60.0, 90.0]).to_table())
+    study = kj.Study(title="x", knee=knee, measured=table, parameters=["ACL.stiffness", "PCL.stiffness"],
+                     prior={"ACL.stiffness": 9.0}, start={"ACL.stiffness": 4490.0},
+                     noise_mm=0.1, noise_deg=0.1)  # fmt: skip
+    drawn = []
+    monkeypatch.setattr(inference, "posterior", lambda *_, priors, **__: drawn.append(priors))
+    found = kj.identify(study, posterior=True)
+    assert found.design.standard_errors[0, 0] < 9.0
+    assert found.design.prior.tolist() == [9.0, np.inf]
+    assert "The prior that is stated of ACL stiffness is" in design_notes(found.design)[0]
+    # What is asked for counts before what the study says.
+    found = kj.identify(study, posterior=True, prior={"*.stiffness": (4500.0, 2.0)})
+    assert found.design.prior.tolist() == [2.0, 2.0]
+    assert drawn == [{"ACL.stiffness": (4490.0, 9.0)},
+                     dict.fromkeys(("ACL.stiffness", "PCL.stiffness"), (4500.0, 2.0))]  # fmt: skip
 
 
 def test_so_many_fibres_are_doubted_with_the_structures_to_free_instead():
