@@ -64,7 +64,7 @@ class MeasuredTest:
             Grood and Suntay; NaN where a coordinate was not measured or does not count.
         counted_from: one of `COUNTED_FROM`.
         constant: loads that acted throughout, also on the unloaded pose.
-        point_mm: where forces acted, in the tibia's frame.
+        point_mm: where forces acted, in the tibia's frame; of a left knee, in its right twin's.
         axes: along which loads acted, of `kneejax.mechanics.AXES`: `tibia` where they followed the
             tibia's own, like those of a device strapped to the shank.
         sd_mm: standard deviation of displacements; None where it is that of the study.

@@ -107,7 +107,7 @@ class StudyTest(Part):
     load: Any = meaning("load -> size of a published laxity whose load is not known", None)
     point_mm: Annotated[
         tuple[float, float, float], reading.numbers_within(3, "point_mm")
-    ] = meaning("where forces act", (0.0, 0.0, 0.0))
+    ] = meaning("where forces act, in the tibia's frame of a knee file", (0.0, 0.0, 0.0))
     axes: Annotated[Axes, reading.Choice()] = meaning("in which loads are given", "grood_suntay")
     sd_mm: Annotated[float, within("noise_mm")] | None = meaning(
         "standard deviation of displacements; as the poses' if not stated", None)

@@ -106,7 +106,7 @@ def objects_of(
                 if isinstance(test, StudyTest):
                     record = older_name(fields["tests"][number])
                     said["tests"].append(record | {"file": test.file})
-                    test = measured_test_of(test, knee.pullable)
+                    test = measured_test_of(test, knee.pullable, knee.side)
                 objects["tests"].append(test)
     if isinstance(study.prior, str):
         with mistakes.gathered():
@@ -128,7 +128,7 @@ def _read_poses(
     from kneejax.files import read_loads, read_poses
 
     table = read_poses(measured.file, measured.convention, measured.columns)
-    loads = read_loads(measured.file)
+    loads = read_loads(measured.file, measured.columns)
     if measured.mirror:
         table = table * MIRROR
         # Of a left knee medial and lateral change sides; varus and inwards stay what they are.
@@ -169,9 +169,12 @@ def _prior_of_cohort(study: StudyFields, knee: "Knee") -> dict[str, Any]:
     return {"start": {**study.start, **means}, "prior": deviations}
 
 
-def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> "MeasuredTest":
+def measured_test_of(
+    test: StudyTest, lines: Sequence[str] = (), side: str = "right"
+) -> "MeasuredTest":
     """The test that a study names, from its table, in which a column may be the added tension of
-    `lines` (of constant tension, or muscles) that the knee has (`Knee.pullable`)."""
+    `lines` (of constant tension, or muscles) that the knee has (`Knee.pullable`). Of the knee of a
+    `left` side, and of a table that is mirrored, Z of the point of forces is to the right too."""
     from kneejax.experiments import MeasuredTest, against_load, weights_by_load
 
     table, counted_from = _table_of(test)
@@ -185,7 +188,12 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> "MeasuredTes
             raise test.wrong("flexion_deg", expected, wanted.tolist())
         table = table.take(inside.any(axis=1))
     flexion, loads, observed = table[:3]
-    constant = dict(test.loads)
+    constant, point = dict(test.loads), test.point_mm
+    for load in (x for x in constant if x in loads):
+        expected = f"no {load} beside the column of it, which has the whole load"
+        raise test.wrong(f"loads.{load}", expected, constant[load])
+    if test.mirror or side == "left":
+        point = point[0], point[1], 0.0 - point[2]
     if test.mirror:
         observed = observed * MIRROR[1:]
         for acting in (loads, constant):
@@ -206,11 +214,11 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> "MeasuredTes
     if test.weight and table.weight is not None:
         raise test.wrong("weight", "to omit this field: the table has a column weight")
     frames = None if test.in_time is None else _frames(test, test.in_time, table)
-    own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "within_deg"}
+    own = {"axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "within_deg"}
     counted_from = test.counted_from or counted_from or "unloaded"
     made = MeasuredTest(test.name, flexion, loads, observed, counted_from=counted_from,
                         constant=constant, tensions=tensions, readings=readings,
-                        weight=table.weight, frames=frames,
+                        weight=table.weight, frames=frames, point_mm=point,
                         **test.model_dump(include=own & test.model_fields_set))  # fmt: skip
     if test.weight:
         made = dataclasses.replace(made, weight=weights_by_load(made.loads[made.driven_by]))

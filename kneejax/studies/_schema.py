@@ -149,7 +149,8 @@ def _offset(value: Any) -> str:
 
 
 _columns = reading.mapping_of(lambda value, _: reading.text(value),
-                              f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS)
+                              f"a mapping with the fields {', '.join(_COLUMNS)}, or loads",
+                              (*_COLUMNS, *LOAD_NAMES))
 _loads = reading.mapping_of(
     _sizes, f"a mapping from one of {', '.join(LOAD_NAMES)} to its sizes", _load_name)
 
@@ -162,7 +163,7 @@ class Measured(Part):
     source: Text = meaning("who measured it")
     convention: _fields.Convention = meaning("what its coordinates mean", "femoral")
     columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
-        "column of a pose -> what the table calls it", dict)
+        "column of a pose, or a load -> what the table calls it", dict)
     mirror: reading.Flag = meaning("whether a left knee was measured in axes with Z to the right",
                                    False)
 

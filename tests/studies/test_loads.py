@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import yaml
 
 import kneejax as kj
+from kneejax.geometry import COLUMNS
 from kneejax.mechanics import load_of
+from kneejax.parameters import Assumption
 
 FLEXION = [20.0, 20.0, 20.0, 60.0, 60.0, 60.0]
 SIZES = [0.0, 60.0, -60.0] * 2
@@ -104,3 +107,30 @@ def test_a_load_on_one_axis_is_the_named_load(knee):
     asked = study(knee, measured=POSES, loads={"anterior_N": SIZES})
     (load,) = asked.acting
     np.testing.assert_allclose(load.force, load_of(anterior_N=np.array(SIZES)).force)
+
+
+def test_loads_of_other_names_beside_poses_are_mapped_or_said_to_be_unused(tmp_path):
+    from kneejax.files import read_loads
+
+    path = tmp_path / "poses.csv"
+    path.write_text("flexion_deg,Posterior Force [kN],varus_moment_Nm,Muscle tension\n0,0.02,3,4\n")
+    said = (
+        r"Posterior Force \[kN\] is not used, but would be by columns: "
+        r"\{anterior_N: -1000 \* Posterior Force \[kN\]\}; Muscle tension is not used"
+    )
+    with pytest.warns(Assumption, match=said):
+        assert read_loads(path) == {"varus_Nm": [3.0]}
+    with pytest.warns(Assumption, match="by their headers: Muscle tension is not used"):
+        mapped = read_loads(path, {"anterior_N": "-1000 * Posterior Force [kN]"})
+    assert mapped == {"anterior_N": [-20.0], "varus_Nm": [3.0]}
+
+
+def test_a_measured_table_may_map_its_loads(tmp_path):
+    names = dict(zip(COLUMNS, "abcdef", strict=True)) | {"anterior_N": "-g"}
+    (tmp_path / "poses.csv").write_text("a,b,c,d,e,f,g\n0,1,2,3,4,5,-60\n30,1,2,3,4,5,-70\n")
+    measured = {"file": "poses.csv", "source": "a trial", "columns": names}
+    document = {"title": "x", "knee": "four_ligament", "parameters": ["ACL.stiffness"],
+                "measured": measured}  # fmt: skip
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(document))
+    read = kj.read_study(tmp_path / "study.yaml")
+    assert read.loads["anterior_N"] == [60.0, 70.0]

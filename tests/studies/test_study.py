@@ -94,9 +94,9 @@ def test_what_a_study_believes_counts_in_the_posterior_and_in_what_to_measure_ne
     knee, monkeypatch
 ):
     table = np.array(kj.passive_flexion(knee, [0.0, 30.0, 60.0, 90.0]).to_table())
-    study = kj.Study(title="x", knee=knee, measured=table, parameters=["ACL.stiffness", "PCL.stiffness"],
-                     prior={"ACL.stiffness": 9.0}, start={"ACL.stiffness": 4490.0},
-                     noise_mm=0.1, noise_deg=0.1)  # fmt: skip
+    study = kj.Study(title="x", knee=knee, measured=table, prior={"ACL.stiffness": 9.0},
+                     parameters=["ACL.stiffness", "PCL.stiffness"], noise_mm=0.1, noise_deg=0.1,
+                     start={"ACL.stiffness": 4490.0})  # fmt: skip
     drawn = []
     monkeypatch.setattr(inference, "posterior", lambda *_, priors, **__: drawn.append(priors))
     found = kj.identify(study, posterior=True)

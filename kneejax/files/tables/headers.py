@@ -94,9 +94,10 @@ def header_meaning(own: str) -> Header | None:
 
 def by_headers(
     table, ignore: Collection[str] = (), about: str = "",
-    known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
+    known: Collection[str] = (*COLUMNS, *NAMED_LOADS), mapped: Collection[str] = (),
 ) -> tuple[list[str], list[str]]:  # fmt: skip
-    """Name columns by their headers; what was assumed, a phrase each, and columns not used."""
+    """Name columns by their headers, but for what is `mapped` to one; what was assumed, a phrase
+    each, and columns not used."""
     used = {column for column, _ in table.named.values()} | {*ignore}
     read = [x for own in table.header if own not in used and (x := header_meaning(own)) is not None]
     # A load without a direction takes that of the test, where its name says one.
@@ -111,11 +112,12 @@ def by_headers(
             read[k] = one._replace(name=loads.pop(), factor=sign * one.factor)
     unused = [one.own for one in read if not (one.name or one.nameless)]
     found: dict[str, Header] = {}
-    for one in (x for x in read if x.name in known and x.name not in table.named):
-        if (first := found.setdefault(one.name, one)) is not one:
+    for one in (x for x in read if x.name in known and x.name not in mapped):
+        taken = table.named.get(one.name) or found.setdefault(one.name, one)
+        if taken is not one:
             expected = f"one column of {one.name} (columns:), the other left out (ignore:)"
-            table.wrong("header", f"{first.own} and {one.own}", expected)
-    phrases = [f"{name} from {_times(one)}" for name, one in found.items() if one.stated]
+            table.wrong("header", f"{taken[0]} and {one.own}", expected)
+    phrases = [f"{name} from {factored(one)}" for name, one in found.items() if one.stated]
     for unit in _WORDS:
         without = [one for one in found.values() if one.unit == unit and not one.stated]
         if without and (judged := _by_size(table, without, found.get(COLUMNS[0]))) is not None:
@@ -127,7 +129,7 @@ def by_headers(
     return phrases, unused
 
 
-def _times(one: Header) -> str:
+def factored(one: Header) -> str:
     """A column and its factor as `columns:` of a test says them."""
     if abs(one.factor) == 1.0:
         return f"{'-' if one.factor < 0 else ''}{one.own}"
@@ -153,5 +155,5 @@ def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[floa
             table.wrong(one.own, f"up to {largest:.3g}", expected)
             return None
         words, factor = "radians", math.degrees(1.0)
-    named = ", ".join(f"{one.name} from {_times(one)}" for one in columns)
+    named = ", ".join(f"{one.name} from {factored(one)}" for one in columns)
     return factor, f"{named} ({words}, by their size: up to {largest:.3g})"

@@ -5,13 +5,13 @@ __all__ = ["LabTable", "read_candidates", "read_lab_table", "read_loads", "read_
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from kneejax.files.reading import InputProblem, plain_number
-from kneejax.files.tables.headers import MOST_MOMENT_NM, by_headers, header_meaning
+from kneejax.files.tables.headers import MOST_MOMENT_NM, by_headers, factored, header_meaning
 from kneejax.files.tables.tables import Table, assumed, column_range
 from kneejax.geometry import CLINICAL, COLUMNS, OTHER_COLUMNS, convert_table
 from kneejax.mechanics import NAMED_LOADS, load_called, load_opposite_to
@@ -30,20 +30,27 @@ TIME = "time_s"
 _CANDIDATE = ("flexion_deg", *NAMED_LOADS, "name")
 
 
-def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+def read_loads(
+    path: str | os.PathLike[str], columns: Mapping[str, str] | None = None
+) -> dict[str, np.ndarray]:
     """Read which loads acted while poses were measured.
 
     Args:
         path: a CSV table; of its columns those with the name of a load count
             (`kneejax.mechanics.NAMED_LOADS`).
+        columns: name of a load -> column of the file, as `read_lab_table` takes it, for tables with
+            other names.
 
     Returns:
         Name of a load -> its size in each row, in the unit of its name; empty without such a
         column.
 
     Raises:
-        InputProblem: the file cannot be read, a cell is not a number or out of range, or a column
-            is called as loads were once called, or by another unit.
+        InputProblem: the file cannot be read, a cell is not a number or out of range, a column
+            is called as loads were once called, or by another unit, or stands there twice.
+
+    Warns:
+        Assumption: columns that sound like a load and are not used.
 
     Example:
         >>> import tempfile
@@ -53,13 +60,48 @@ def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         >>> read_loads(path)["anterior_N"].tolist()
         [134.0]
     """
-    table = Table.read(path)
+    table, mapped = Table.read(path), {k: v for k, v in (columns or {}).items() if k in NAMED_LOADS}
+    _name_columns(table, mapped)
+    _refuse_older_names(table)
+    _take_own_names(table, NAMED_LOADS.__contains__, mapped)
+    sizes = table.numbers(table.named)
+    used = {own for own, _ in table.named.values()}
+    phrases = []
+    for own in table.header:
+        if own not in used and _LOAD.search(own) and not _is_reading(own):
+            phrases.append(f"{own} is not used")
+            if (meant := header_meaning(own)) is not None and meant.name in NAMED_LOADS:
+                phrases[-1] += f", but would be by columns: {{{meant.name}: {factored(meant)}}}"
+    assumed(table.file, phrases)
+    return sizes
+
+
+def _refuse_older_names(table: Table) -> None:
+    """No column is called as loads were once called, or acts the other way."""
+    used = {own for own, _ in table.named.values()}
     for name in table.header:
         meant = load_called(name) if name in COLUMNS else _meant(name)
-        if meant is not None and name != meant:
+        if meant not in (None, name) and name not in (*used, *_ALSO):
             expected = f"one of {', '.join(NAMED_LOADS)}"
             raise InputProblem(table.file, "header", name, expected, meant)
-    return table.numbers(x for x in table.header if x in NAMED_LOADS)
+
+
+def _take_own_names(
+    table: Table, known: Callable[[str], bool], mapped: Collection[str],
+    ignore: Collection[str] = (),
+) -> None:  # fmt: skip
+    """Name columns that are called as the package calls them, but for what is `mapped` already;
+    adds a mistake where two are of one thing."""
+    found: dict[str, str] = {}
+    for own in table.header:
+        name = _ALSO.get(own, own)
+        if own in ignore or name in mapped or not known(name):
+            continue
+        if name in found:
+            said = own if found[name] == own else f"{found[name]} and {own}"
+            table.wrong("header", said, f"one column of {name}, the other left out (ignore:)")
+        found.setdefault(name, own)
+    table.named.update({name: (own, 1.0) for name, own in found.items()})
 
 
 def read_loads_over_time(
@@ -87,7 +129,10 @@ def read_loads_over_time(
         >>> read_loads_over_time(path)[1]["anterior_N"].tolist()
         [0.0, 100.0]
     """
-    table, sizes = Table.read(path, [TIME]), read_loads(path)
+    table = Table.read(path, [TIME])
+    _refuse_older_names(table)
+    table.check_columns(table.header)
+    sizes = table.numbers(name for name in table.header if name in NAMED_LOADS)
     led = [name for name in table.header if name in may_lead]
     for name in table.header:
         if name not in (TIME, *sizes, *led):
@@ -211,16 +256,17 @@ def read_lab_table(
         ([90.0], 4.5)
     """
     table = Table.read(path)
-    sure, named = _name_columns(table, columns or {}), table.named
-    for own in table.header:
-        name = _ALSO.get(own, own)
-        if own not in ignore and (name in _KNOWN or _is_reading(name)):
-            named.setdefault(name, (own, 1.0))
+    mapped, named = {*(columns or ())}, table.named
+    sure = _name_columns(table, columns or {})
+    _take_own_names(table, lambda name: name in _KNOWN or _is_reading(name), mapped, ignore)
     stated = [*named]
-    known = COLUMNS if flexion_deg is None else COLUMNS[1:]
     about = f"{os.path.basename(table.file)} {about}"
-    phrases, unused = by_headers(table, ignore, about, (*known, *NAMED_LOADS))
-    _check_header(table, {*(columns or ())}, flexion_deg, {*ignore, *unused}, unloaded)
+    phrases, unused = by_headers(table, ignore, about, mapped=mapped)
+    if flexion_deg is not None and COLUMNS[0] in named:
+        own = named.pop(COLUMNS[0])[0]
+        expected = f"no at_deg ({flexion_deg:g}) beside it, or {own} under ignore"
+        table.wrong("header", own, expected)
+    _check_header(table, mapped, flexion_deg, {*ignore, *unused}, unloaded)
     readings = [x for x in named if _is_reading(x)]
     read = {x: table.column(x, column_range(x), empty=x in COLUMNS[1:] or x in readings)
             for x in (*NAMED_LOADS, *COLUMNS, *readings, "weight", TIME) if x in named}

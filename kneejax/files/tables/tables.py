@@ -41,7 +41,7 @@ def read_poses(
             then agree.
         convention: what the six columns mean, one of `kneejax.geometry.CONVENTIONS`.
         columns: column of the package (`flexion_deg`, ...) -> column of the file, for tables
-            with other names.
+            with other names; those of loads are `read_loads`'.
 
     Returns:
         Shape `(n, 6)`, degrees and mm, in the package's convention and the order of
@@ -59,16 +59,16 @@ def read_poses(
         >>> read_poses(path).tolist()
         [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
     """
-    file, names = os.fspath(path), columns or {}
+    file, names = os.fspath(path), {k: v for k, v in (columns or {}).items() if k in COLUMNS}
     check_convention(file, convention)
-    for name in names:
-        if name not in COLUMNS:
+    for name in columns or ():
+        if name not in (*COLUMNS, *NAMED_LOADS):
             expected = f"the package's columns {', '.join(COLUMNS)}"
-            raise InputProblem(file, "columns", name, expected, COLUMNS)
+            raise InputProblem(file, "columns", name, expected, (*COLUMNS, *NAMED_LOADS))
     read = Table.read(file)
     given = (x for x in COLUMNS if x in names or x in read.header)
     read.named.update({x: (names.get(x, x), 1.0) for x in given})
-    phrases, _ = by_headers(read, known=COLUMNS)
+    phrases, _ = by_headers(read, known=COLUMNS, mapped=names)
     read.check_columns([read.named.get(name, (name,))[0] for name in COLUMNS])
     read.check_rows_convention(convention)
     table = np.stack([*read.numbers(COLUMNS).values()], axis=1)
