@@ -111,8 +111,8 @@ class Knee(eqx.Module):
             DoubtfulValue: a structure's stiffness that is nearer to that of one of its fibres.
 
         Raises:
-            UnknownParameter: the knee has no such parameter; with the nearest name. Also if one number
-                has two values, as of a fibre and of its group.
+            UnknownParameter: the knee has no such parameter; with the nearest name. Also if one
+                number has two values, as of a fibre and of its group.
             Implausible: no number, a value that no knee has (`kneejax.mechanics.RANGES`), or one
                 that leads to such a knee, as in a knee file.
 

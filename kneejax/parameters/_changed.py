@@ -60,9 +60,9 @@ def _of_each(knee: Knee, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike
             own = [selection.quantity(i) for i in range(len(selection))]
             if several == any(one != quantity for one in own):
                 named[owner == "*"] |= dict.fromkeys(selection.names, value)
-    driven = select(knee, [*named[False]]).driven
+    driven = select(knee, [*named[False]]).driven()
     for name in named[True]:
-        if driven.keys().isdisjoint(select(knee, [name]).driven):
+        if driven.keys().isdisjoint(select(knee, [name]).driven()):
             named[False][name] = named[True][name]
     return dict(sorted(named[False].items(), key=lambda one: not one[0].endswith(".area")))
 

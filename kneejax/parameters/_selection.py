@@ -99,7 +99,6 @@ class Selection:
         """Unit of a parameter, empty for a plain number."""
         return quantity_of(self.quantity(index)).unit
 
-    @functools.cached_property
     def driven(self) -> Mapping[Hashable, str]:
         """Each number that parameters drive, of one fibre or of another part -> the parameter."""
         driven: dict[Hashable, str] = {}
@@ -185,7 +184,7 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
         chosen |= {key: leaf for key, leaf in found.items() if key not in chosen}
     leaves = tuple((name, leaf) for name, leaf in chosen.items() if leaf is not None)
     selection = Selection(tuple(chosen), ligaments, knee.groups, leaves)
-    selection.driven  # refuses a number that is chosen twice
+    selection.driven()  # refuses a number that is chosen twice
     return _one(selection)
 
 

@@ -80,9 +80,13 @@ class LoadCases(eqx.Module):
 
         Raises:
             ValueError: a column is unknown, flexion stands among them, a drawer is held while
-                flexion is free, which turns its axis, no angle is given, or one is no number.
+                flexion is free, which turns its axis, no angle is given, one is no number, or
+                `loads` is no list of loads.
         """
         held = held or {}
+        if not (isinstance(loads, Sequence) and all(isinstance(x, Load | Pull) for x in loads)):
+            one = "[kj.load_of(anterior_N=100.0)]"
+            raise ValueError(f"loads: {type(loads).__name__}: expected a list of loads, as {one}")
         _check_numbers({**held, "flexion_deg": flexion_deg})
         if "flexion_deg" in held:
             raise ValueError("flexion_deg stands among what is held: give it as flexion_deg itself")
@@ -180,7 +184,13 @@ def _check_numbers(columns: Mapping[str, ArrayLike]) -> None:
     for name, values in columns.items():
         if traced(values):
             continue
-        values = np.atleast_1d(np.asarray(values, float))
+        try:
+            values = np.atleast_1d(np.asarray(values, float))
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} is {values}: expected numbers") from None
+        if values.ndim > 1:
+            said = "expected one value, or a list of one for each pose"
+            raise ValueError(f"{name} has the shape {values.shape}: {said}")
         if not values.size:
             raise ValueError(f"{name} is empty: expected one value at least")
         wrong = np.flatnonzero(~np.isfinite(values))

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from kneejax.mechanics import load_of
 from kneejax.statics import LoadCases
 
 
@@ -14,11 +15,19 @@ from kneejax.statics import LoadCases
         ([np.nan], None, "flexion_deg is nan: expected a number"),
         ([0.0, np.inf, np.nan], None, "flexion_deg is inf, value 2 of 3"),
         (30.0, {"anterior_mm": [1.0, np.nan]}, "anterior_mm is nan, value 2 of 2"),
+        ([[0.0, 30.0]], None, "flexion_deg has the shape .1, 2.: expected one value, or a list"),
+        ([0.0, "x"], None, "flexion_deg is .*'x'.: expected numbers"),
     ],
 )
 def test_what_is_no_number_is_refused_in_one_line(flexion, held, words):
     with pytest.raises(ValueError, match=words):
         LoadCases.at(flexion, held=held)
+
+
+@pytest.mark.parametrize("loads", [load_of(anterior_N=100.0), [5.0], 100.0])
+def test_loads_stand_in_a_list(loads):
+    with pytest.raises(ValueError, match="loads: .*: expected a list of loads"):
+        LoadCases.at(30.0, loads)
 
 
 def test_what_is_traced_is_not_looked_at():

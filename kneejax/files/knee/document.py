@@ -130,6 +130,12 @@ class KneeDocument(Part):
         for name in sorted({*fibres, *self.bands} & {*self.ligaments, *self.groups}):
             expected = "a band whose name, alone or with a number, no ligament or group has"
             mistakes.append(wrong(name, expected, at="bands"))
+        taken = {*known, *self.groups}
+        for section in ("contacts", "lines"):
+            for name in sorted(taken.intersection(getattr(self, section))):
+                expected = "a name that no other part of the knee has"
+                mistakes.append(wrong(name, expected, at=section))
+            taken |= {*getattr(self, section)}
         _check_wraps(self, ("ligaments", "bands"), mistakes)
         for name, wrap in self.wraps.items():
             with mistakes.gathered(f"wraps.{name}.bone"):

@@ -31,6 +31,14 @@ ACL, MEDIAL = ["ligaments", "ACL"], ["contacts", "medial"]
 CONDYLE, PLATEAU = [*MEDIAL, "femoral_surface"], [*MEDIAL, "tibial_surface"]
 
 
+def test_two_parts_have_two_names(tmp_path, knee_document):
+    """Tables of forces would have two rows of one name."""
+    document = copy.deepcopy(knee_document)
+    document = changed(document, ["contacts", "ACL"], document["contacts"]["medial"])
+    said = refusal(write(tmp_path / "knee.yaml", document))
+    assert "contacts: ACL: expected a name that no other part of the knee has" in said
+
+
 @pytest.mark.parametrize(
     ("place", "value", "words"),
     [
