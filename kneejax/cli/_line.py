@@ -2,6 +2,7 @@
 
 import inspect
 import platform
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
@@ -199,8 +200,8 @@ def _hint(kind: Any, word: type) -> Any:
 def _help(model: type[Command], field: FieldInfo) -> str:
     """What an option is, what may be chosen, and what it is without being given."""
     words, default = field.description or "", field.get_default(call_default_factory=True)
-    choices = [one for one in choices_of(field.annotation) if one not in words]
-    words += f" ({', '.join(choices)})" if choices else ""
+    choices, said = choices_of(field.annotation), {*re.findall(r"[\w'-]+", words)}
+    words += f" ({', '.join(choices)})" if not said.issuperset(choices) else ""
     if field.alias == "out" and issubclass(model, Written):
         default = model.folder
     if field.is_required() or not is_given(default):

@@ -113,7 +113,7 @@ class Explore(Command):
 
 
 class ImportOsim(Drawn):
-    """Make a knee from an OpenSim model, schema 3 or 4."""
+    """Make a knee from an OpenSim model, schema 2, 3 or 4."""
 
     example: ClassVar = "kneejax import osim MODEL.osim --side r"
     body: ClassVar = "kneejax.cli._exchange:import_model"

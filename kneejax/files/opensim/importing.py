@@ -87,7 +87,7 @@ def import_osim(
     without: tuple[str, ...] | list[str] = (), inside: str = "refuse", patella: bool = True,
     at: Mapping[str, float] | None = None, data: bytes | None = None,
 ) -> OsimImport:  # fmt: skip
-    """Read a knee from an OpenSim model of schema 3 or 4.
+    """Read a knee from an OpenSim model of schema 2, 3 or 4.
 
     Lengths become mm by moving the decimal point, so that every digit of the file is kept.
 
