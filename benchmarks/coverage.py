@@ -139,9 +139,11 @@ def designs() -> dict[str, Design]:
         found["twelve poses"], prior={"*.stiffness": 600.0}
     )
     found["laxity twin"] = Design(np.arange(0.0, 91.0, 15.0), 0.1, true=0.01, laxity=True)
-    found["groups of an imported knee"] = Design(
-        np.arange(0.0, 91.0, 15.0), 0.1, knee="lenhart2015_reduced", laxity=True, true=0.01,
-        stiffness=(300.0, 60000.0),
+    found["every fibre of an imported knee"] = dataclasses.replace(
+        found["laxity twin"], knee="lenhart2015_reduced", stiffness=(300.0, 60000.0)
+    )
+    found["groups of an imported knee"] = dataclasses.replace(
+        found["every fibre of an imported knee"],
         names=tuple(
             f"{name}.{quantity}"
             for quantity in ("stiffness", "reference_strain")
