@@ -52,19 +52,23 @@ def _allowed(knee: Knee, name: str, value: ArrayLike) -> ArrayLike:
 def _of_each(knee: Knee, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """The value of each single parameter: a name counts before a wildcard, that of one number
     before that of several. Areas first, since a stiffness follows them."""
-    named: dict[bool, dict[str, ArrayLike]] = {False: {}, True: {}}
-    for several in (True, False):
-        for name, value in values.items():
-            owner, _, quantity = name.partition(".")
-            selection = select(knee, [name])
-            own = [selection.quantity(i) for i in range(len(selection))]
-            if several == any(one != quantity for one in own):
-                named[owner == "*"] |= dict.fromkeys(selection.names, value)
-    driven = select(knee, [*named[False]]).driven()
-    for name in named[True]:
-        if driven.keys().isdisjoint(select(knee, [name]).driven()):
-            named[False][name] = named[True][name]
-    return dict(sorted(named[False].items(), key=lambda one: not one[0].endswith(".area")))
+    ranked, given, driven = [], {}, {}
+    for name in values:
+        (owner, _, quantity), selection = name.partition("."), select(knee, [name])
+        own = [selection.quantity(i) for i in range(len(selection))]
+        ranked.append(((owner == "*", any(one != quantity for one in own)), name, selection))
+    for rank, name, selection in sorted(ranked, key=lambda one: one[0]):
+        for i, parameter in enumerate(selection.names):
+            numbers, quantity = selection.numbers(i), selection.quantity(i)
+            taken = {number: driven[number] for number in numbers if number in driven}
+            for number, (other, *its) in taken.items():
+                if its[0] == rank or its[1] != quantity:
+                    said = f"{other} and {name} give one number ({numbers[number]})"
+                    raise UnknownParameter(f"{said}: choose one")
+            if not taken:
+                given[parameter] = values[name]
+                driven |= dict.fromkeys(numbers, (name, rank, quantity))
+    return dict(sorted(given.items(), key=lambda one: not one[0].endswith(".area")))
 
 
 def cut(knee: Knee, names: Sequence[str]) -> Knee:

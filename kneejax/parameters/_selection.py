@@ -9,7 +9,8 @@ __all__ = ["Selection", "UnknownParameter", "UnsuitableData", "fibre_rows", "sel
 import dataclasses
 import functools
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -99,17 +100,12 @@ class Selection:
         """Unit of a parameter, empty for a plain number."""
         return quantity_of(self.quantity(index)).unit
 
-    def driven(self) -> Mapping[Hashable, str]:
-        """Each number that parameters drive, of one fibre or of another part -> the parameter."""
-        driven: dict[Hashable, str] = {}
-        for i, name in enumerate(self.names):
-            quantity = _WRITES.get(self.quantity(i), self.quantity(i))
-            own = {(fibre, quantity): f" (of {fibre})" for fibre in self.fibres(i)}
-            for number, of in (own or {self.leaf(i): ""}).items():
-                other = driven.setdefault(number, name)
-                if other != name:
-                    raise UnknownParameter(f"{other} and {name} are one number{of}: choose one")
-        return driven
+    def numbers(self, index: int) -> Mapping[Any, str]:
+        """The numbers that a parameter drives -> what each is, in words."""
+        quantity = _WRITES.get(self.quantity(index), self.quantity(index))
+        words = quantity.replace("_", " ").replace(".", " ")
+        own = {(fibre, quantity): f"{words} of {fibre}" for fibre in self.fibres(index)}
+        return own or {self.leaf(index): self.names[index]}
 
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
@@ -184,7 +180,7 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
         chosen |= {key: leaf for key, leaf in found.items() if key not in chosen}
     leaves = tuple((name, leaf) for name, leaf in chosen.items() if leaf is not None)
     selection = Selection(tuple(chosen), ligaments, knee.groups, leaves)
-    selection.driven()  # refuses a number that is chosen twice
+    _check_once(selection)
     return _one(selection)
 
 
@@ -240,6 +236,16 @@ def _one(selection: Selection) -> Selection:
     """The same choice is the same object: its bound methods, which steer compiled functions, are
     equal only then."""
     return selection
+
+
+def _check_once(selection: Selection) -> None:
+    """No number may be driven by two parameters."""
+    driven: dict[Any, str] = {}
+    for i, name in enumerate(selection.names):
+        for number in selection.numbers(i):
+            if (other := driven.setdefault(number, name)) != name:
+                of = f" (of {number[0]})" if selection.fibres(i) else ""
+                raise UnknownParameter(f"{other} and {name} are one number{of}: choose one")
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:
