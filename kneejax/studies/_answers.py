@@ -311,11 +311,11 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
 def _known_before(study: Study, options: Identify) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of the priors that are stated: asked for, or the study's own
     around its start."""
-    asked, own = (stated(study.selection, x, "prior") for x in (options.prior, study.believed))
-    start = study.selection.read(study.knee_at_start).tolist()
-    each = zip(study.selection.names, asked, start, own, strict=True)
-    found = {name: said or (middle, sd) for name, said, middle, sd in each}
-    return {name: one for name, one in found.items() if one[1] is not None}
+    asked = stated(study.selection, options.prior, "prior")
+    own = stated(study.selection, study.believed, "prior")
+    each = zip(asked, study.selection.read(study.knee_at_start).tolist(), own, strict=True)
+    found = [said or (sd and (middle, sd)) for said, middle, sd in each]
+    return {name: x for name, x in zip(study.selection.names, found, strict=True) if x}
 
 
 def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:
