@@ -56,7 +56,8 @@ _ENDS = 2
 
 
 class Behind(eqx.Module):
-    """What lies behind paths; arrays end in lanes."""
+    """What lies behind paths, and how they go on: a call that stops on the way to a load case, as
+    one does where other paths fill it, changes nothing. Arrays end in lanes."""
 
     cases: Any  # in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`
     q: Any  # free coordinates there, `(3, free, lanes)`, rad and mm
@@ -65,6 +66,10 @@ class Behind(eqx.Module):
     failed: Any  # load cases without an equilibrium in a row, or as many as end a path
     progress: Any  # part of the way to the next load case at which the latest is
     softness: Any  # see `softness_of`, there
+    step: Any  # part of the way that is left to the next load case which is tried
+    cautious: Any  # whether nothing is extrapolated, since a search failed
+    again: Any  # whether the next search is the last one once more, with patience
+    looks: Any  # that the next load case took so far
 
     @classmethod
     def at(cls, cases, q, points, known) -> "Behind":
@@ -72,7 +77,9 @@ class Behind(eqx.Module):
         numpy = np if isinstance(q, np.ndarray) else jnp
         cases, q, points = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, points))
         nothing = numpy.zeros(numpy.shape(known))
-        return cls(cases, q, points, known, nothing.astype(int), nothing, nothing + numpy.inf)
+        none, no = nothing.astype(int), nothing.astype(bool)
+        soft = nothing + numpy.inf
+        return cls(cases, q, points, known, none, nothing, soft, nothing + 1.0, no, no, none)
 
 
 def follow(
@@ -83,8 +90,7 @@ def follow(
 
     Args:
         behind: what lies behind.
-        fewest: paths that must go on, or all stop; those on their way to a load case begin it anew
-            with the next call.
+        fewest: paths that must go on, or all stop.
 
     Returns:
         Records, `(turns, numbers, lanes)`, see `shapes_of_record`; and what lies behind then.
@@ -101,10 +107,7 @@ class _Paths(eqx.Module):
     place: Array  # of the next load case
     active: Array  # whether there is one
     ended: Array  # whether what was sought is to be judged
-    step: Array  # part of the way that is left to the next load case which is tried
-    cautious: Array  # whether nothing is extrapolated, since a search failed
     patient: Array  # whether a search may take long
-    looks: Array  # that the next load case took so far
     at_first: Array  # whether there was an equilibrium at the very first load case
     here: Array  # case that is tried, in rows
     # Free coordinates there by the last one, two, three equilibria that lie on a straight path,
@@ -192,11 +195,11 @@ class Continuation(NamedTuple):
         nothing = jnp.full((size, *lanes), -1.0)
         begun = _Paths(
             behind=behind, place=none, active=(self.length > 0) & (behind.failed < self.give_up),
-            ended=yes, step=jnp.ones(lanes), cautious=no, patient=no, looks=none, at_first=no,
+            ended=yes, patient=no, at_first=no,
             here=here, expected=behind.q, straight=none, y=y, state=state,
             turns=jnp.asarray(0), record=nothing,
         )  # fmt: skip
-        return self._sent(begun, self._goal(none), no)
+        return self._sent(begun, self._goal(none))
 
     def _goal(self, place: Array) -> Array:
         """The load cases that lie ahead, in rows."""
@@ -205,7 +208,8 @@ class Continuation(NamedTuple):
 
     def _looked(self, paths: _Paths) -> _Paths:
         """A look of all lanes, each where its search goes on."""
-        few = jnp.where(paths.step * (1.0 - paths.behind.progress) < 1.0, _PART, _QUICK)
+        part = paths.behind.step * (1.0 - paths.behind.progress) < 1.0
+        few = jnp.where(part, _PART, _QUICK)
         search = EnergyNewton(atol=_ACCURACY_MM, most_steps=jnp.where(paths.patient, _PATIENT, few))
         before = paths.state
         args = *self._args(paths.here), before.best.contact_points
@@ -216,23 +220,24 @@ class Continuation(NamedTuple):
     def _advanced(self, paths: _Paths) -> _Paths:
         """Judge what was found, write it down, and send the paths on."""
         judged, points = self._judged(paths), paths.state.best.contact_points
-        arrived = judged.good & (paths.step >= 1.0)
+        behind, good = paths.behind, judged.good
+        arrived = good & (behind.step >= 1.0)
         over = arrived | judged.failed
-        looks = paths.looks + jnp.where(paths.ended, paths.state.count, 0)
+        looks = behind.looks + jnp.where(paths.ended, paths.state.count, 0)
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
-            way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
+            way=jnp.where(arrived, 1.0, behind.progress), softness=judged.softness,
             q=paths.y, contact_points=points, **forces_of(paths.state.there),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
         record = jnp.where(over, jnp.concatenate(rows), paths.record)
-        done = paths.step * (1.0 - paths.behind.progress)
-        progress = paths.behind.progress + jnp.where(judged.good, done, 0.0)
+        done = behind.step * (1.0 - behind.progress)
+        progress = behind.progress + jnp.where(good, done, 0.0)
         easy = jnp.where(paths.state.count <= _EASY, 2.0, 1.0)
         left = jnp.where(over, 1.0, 1.0 - progress)
-        step = jnp.where(judged.good, jnp.minimum(1.0, easy * done / left), paths.step)
+        step = jnp.where(good, jnp.minimum(1.0, easy * done / left), behind.step)
         step = jnp.where(judged.shorter, 0.5 * step, jnp.where(judged.failed, 1.0, step))
-        behind, good, place = paths.behind, judged.good, paths.place + over
+        place = paths.place + over
         behind = Behind(
             cases=_pushed(behind.cases, paths.here, good),
             q=_pushed(behind.q, paths.y, good),
@@ -241,6 +246,10 @@ class Continuation(NamedTuple):
             failed=jnp.where(arrived, 0, behind.failed + judged.failed),
             progress=jnp.where(over, 0.0, progress),
             softness=jnp.where(good, judged.softness, behind.softness),
+            step=step,
+            cautious=~good & (behind.cautious | paths.ended),
+            again=jnp.where(paths.ended, judged.again, behind.again),
+            looks=jnp.where(over, 0, looks),
         )
         goal = self._goal(place)
         # Loads are not laid on a knee that is not balanced without them.
@@ -251,28 +260,25 @@ class Continuation(NamedTuple):
             behind=dataclasses.replace(behind, failed=failed),
             place=place,
             active=paths.active & (place < self.length) & (failed < self.give_up),
-            step=step,
-            cautious=~good & (paths.cautious | paths.ended),
-            looks=jnp.where(over, 0, looks),
             at_first=paths.at_first | (arrived & (paths.place == 0)),
             turns=paths.turns + jnp.any(over),
             record=record,
         )  # fmt: skip
-        return self._sent(paths, goal, judged.again)
+        return self._sent(paths, goal)
 
-    def _sent(self, paths: _Paths, goal: Array, again: Array) -> _Paths:
+    def _sent(self, paths: _Paths, goal: Array) -> _Paths:
         """Begin the next search of the lanes whose last one has ended."""
         behind = paths.behind
         last, begins = behind.cases[0], paths.ended & paths.active
         # A load that grows acts where it will act.
-        whole = (paths.step >= 1.0) | self._points
-        new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
+        whole = (behind.step >= 1.0) | self._points
+        new = jnp.where(whole, goal, last + behind.step * _apart(goal, last))
         orders, distances = self._past(behind, new)
         expected = jnp.stack([_extrapolated(behind.q, distances, k) for k in orders])
-        order = jnp.where(paths.cautious, jnp.minimum(orders[-1], 1), orders[-1])
+        order = jnp.where(behind.cautious, jnp.minimum(orders[-1], 1), orders[-1])
         known = behind.q, behind.contact_points
         guess = Guess(*(_extrapolated(x, distances, order) for x in known))
-        patient = (order < 2) | again
+        patient = (order < 2) | behind.again
         return dataclasses.replace(
             paths,
             here=jnp.where(begins, new, paths.here),
@@ -329,7 +335,7 @@ class Continuation(NamedTuple):
         good = ended & converged(status)
         finest = jnp.where(bend > 0.0, _FINEST_BENT, _FINEST_CHANGED)
         finest = jnp.where(loading, _FINEST, finest)
-        divides = begun & (0.5 * paths.step * (1.0 - paths.behind.progress) >= finest)
+        divides = begun & (0.5 * behind.step * (1.0 - behind.progress) >= finest)
         # An equilibrium far away is mostly the right one, which another search finds once more:
         # half of the way tells.
         again = ended & ~good & ~paths.patient & ~(loading & begun) & ~(off_branch & divides)

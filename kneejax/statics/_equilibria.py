@@ -82,7 +82,7 @@ class Equilibria(eqx.Module):
             getattr(self, name)[where] = np.moveaxis(values, -1, 0)
         for name in ("status", "fault", "softness"):
             getattr(self, name)[where] = record[name]
-        self.steps[where] += record["steps"].astype(int)
+        np.add.at(self.steps, where, record["steps"].astype(np.int32))  # two ways may end at one
         self.reached[where] = np.where(good, 1.0, record["way"])
         for name, values in self.forces.items():
             values[where] = np.moveaxis(record[name], -1, 0)
