@@ -23,11 +23,10 @@ def run(arguments: Knees) -> int:
     print("Studies")
     for name, title in files.bundled_studies().items():
         print(f"  {name:<20} {title}")
-        table = files.absent_measurement(name)
-        if table is not None:
-            print(f"{_INDENT}needs measured motion that is not bundled: {table}")
-            print(f"{_INDENT}put it there, or name your own `file` in a copy of")
-            print(f"{_INDENT}{files.bundled_path('studies', name)}")
+        source = files.absent_measurement(name)
+        if source is not None:
+            said = f"needs measured motion that is not bundled ({source}): name its `file` in a copy"
+            print(textwrap.fill(said, 98, initial_indent=_INDENT, **_HANGING))
     measured = files.bundled_measurements()
     words = {name: f"{one.title} ({one.source})" for name, one in measured.items()}
     _print_named("Measurements" + ("" if measured else ": none bundled"), words)

@@ -134,14 +134,14 @@ def bundled_studies() -> dict[str, str]:
     return {name: load_yaml(path, "a study")["title"].strip() for name, path in files}
 
 
-def absent_measurement(study: str) -> Path | None:
-    """Where a bundled study looks for measured motion that is not there.
+def absent_measurement(study: str) -> str | None:
+    """Who published the measured motion that a bundled study needs, where it is not at hand.
 
     Args:
         study: name of a bundled study.
 
     Returns:
-        The path of the missing table; None if the study has all that it needs.
+        The source that the study names; None if it has all that it needs.
 
     Raises:
         InputProblem: there is no such study.
@@ -155,8 +155,7 @@ def absent_measurement(study: str) -> Path | None:
     file = measured.get("file") if isinstance(measured, dict) else None
     if not isinstance(file, str) or file in bundled_files("measurements"):
         return None
-    table = Path(os.path.normpath(path.parent / file))
-    return None if table.is_file() else table
+    return None if (path.parent / file).is_file() else measured.get("source", file)
 
 
 def bundled_measurements() -> dict[str, Measurement]:
