@@ -25,7 +25,8 @@ def run(arguments: Knees) -> int:
         print(f"  {name:<20} {title}")
         source = files.absent_measurement(name)
         if source is not None:
-            said = f"needs measured motion that is not bundled ({source}): name its `file` in a copy"
+            needs = "needs measured motion that is not bundled"
+            said = f"{needs} ({source}): name its `file` in a copy"
             print(textwrap.fill(said, 98, initial_indent=_INDENT, **_HANGING))
     measured = files.bundled_measurements()
     words = {name: f"{one.title} ({one.source})" for name, one in measured.items()}
