@@ -133,8 +133,8 @@ class Design(Named):
             move by a standard deviation of what is known before, as a part of the change,
             `(chosen,)`.
         prior: standard deviations of a prior that was added to the data, `(p,)`, or None.
-        prior_assumed: whether some of it was nobody's choice but needed, since the data alone leave
-            combinations less certain than the scales.
+        prior_assumed: which of it was nobody's choice but needed, since the data alone leave
+            combinations less certain than the scales, `(p,)`.
         freed: parameters on a bound at the fit, which count as free here.
 
     Source: Fedorov 1972, Theory of Optimal Experiments.
@@ -152,7 +152,7 @@ class Design(Named):
     standard_errors_next: np.ndarray
     departures: np.ndarray
     prior: np.ndarray | None
-    prior_assumed: bool
+    prior_assumed: np.ndarray
     freed: tuple[str, ...]
 
     OVER = {
@@ -251,7 +251,7 @@ def design_tests(
         criterion_values=np.exp(each / 2) if criterion == "D" else np.sqrt(each),
         gains=np.where(usable, gains, np.nan),
         standard_errors_next=errors, departures=bends,
-        prior=prior if np.isfinite(prior).any() else None, prior_assumed=bool(assumed.any()),
+        prior=prior if np.isfinite(prior).any() else None, prior_assumed=assumed,
         freed=tuple(n for n, on in zip(known.names, known.at_bound, strict=True) if on),
     )  # fmt: skip
 

@@ -93,7 +93,10 @@ class Identification(Named):
         return np.r_[self.values, list(self.offsets.values())]
 
 
-def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Identification:
+def identify(
+    problem: CalibrationProblem, *, with_profiles: bool = True,
+    spread: Mapping[str, float] | None = None,
+) -> Identification:  # fmt: skip
     """Fit all parameters of a problem together, and ask what its data determine.
 
     Estimates and limits are those of `calibrate` by procedure III; constants between frames are
@@ -102,6 +105,8 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
     Args:
         problem: what is fitted; its procedures, stages and starts do not count.
         with_profiles: whether to follow the profiles.
+        spread: name, wildcard or quantity -> standard deviation before this knee was measured, by
+            which its information is scaled; usual ones otherwise (see `prior_scales`).
 
     Returns:
         The `Identification`; fit, limits and profiles follow a prior, the information is the data's
@@ -135,7 +140,10 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
     data = dataclasses.replace(data, noise=left)
     values, (residual, _) = fit.values[0], data.residual(fit)
     at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
-    information = fit_information(fitted.knee, fitted.selection, alone, fit, at_bound=at_bound)
+    scale = prior_scales(fitted.selection, values, spread)
+    information = fit_information(
+        fitted.knee, fitted.selection, alone, fit, at_bound=at_bound, scale=scale
+    )
     cases = dataclasses.replace(alone, offsets=())
     return Identification(
         selection=fitted.selection, values=values, lower=lower, upper=upper, at_bound=at_bound,
@@ -291,7 +299,7 @@ def information(
 
 def fit_information(
     knee: Knee, selection: Selection, data: Observations, fit: Slopes, *,
-    at_bound: np.ndarray | None = None,
+    at_bound: np.ndarray | None = None, scale: np.ndarray | None = None,
 ) -> Information:  # fmt: skip
     """Fisher information of a motion's data at a fit, and where ligaments are slack.
 
@@ -302,6 +310,7 @@ def fit_information(
             what is told of the parameters.
         fit: balances and derivatives at the fit, one variant (`balance_with_slopes`).
         at_bound: parameters on a bound, `(p,)`.
+        scale: see `information`.
 
     Returns:
         The `Information`.
@@ -311,8 +320,8 @@ def fit_information(
     slack = slack_at(knee, selection, data, fit)
     flexion_deg = np.rad2deg(np.asarray(data.load_cases.flexion))[counted]
     answer = information(
-        rows[0], 1.0, selection.names, fit.values[0], at_bound=at_bound, flexion_deg=flexion_deg,
-        slack={name: where[counted] for name, where in slack.items()},
+        rows[0], 1.0, selection.names, fit.values[0], scale=scale, at_bound=at_bound,
+        flexion_deg=flexion_deg, slack={name: where[counted] for name, where in slack.items()},
     )  # fmt: skip
     return dataclasses.replace(answer, lost=int(data.used.sum() - counted.sum()))
 

@@ -8,7 +8,6 @@ from kneejax.mechanics._mass import *
 from kneejax.mechanics._muscles import *
 from kneejax.mechanics._named_loads import *
 from kneejax.mechanics._plausible import *
-from kneejax.mechanics._wrench import *
 from kneejax.mechanics.contact import ELLIPTICAL_PATCH as ELLIPTICAL_PATCH
 from kneejax.mechanics.contact import FORMS as FORMS
 from kneejax.mechanics.contact import OFF_SURFACE_MM as OFF_SURFACE_MM

@@ -16,10 +16,9 @@ from jax import Array, lax
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
-from kneejax.mechanics._loads import Line, Load, Support
+from kneejax.mechanics._loads import Line, Load, Support, Wrenches
 from kneejax.mechanics._mass import TimeStep
 from kneejax.mechanics._muscles import QUADRICEPS, Muscles
-from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, Foundation, PointFaults, Pressed, foundations_of
 from kneejax.mechanics.ligaments import FibreFaults, Ligaments
 from kneejax.numerics import compiled

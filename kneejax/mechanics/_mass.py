@@ -11,7 +11,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR, TIBIA, ZERO, Matrix, Placement, State, Vector, numbers
-from kneejax.mechanics._wrench import Wrench, Wrenches
+from kneejax.mechanics._loads import Wrench, Wrenches
 from kneejax.numerics import traced
 
 #: N s^2/mm in a kg.

@@ -12,7 +12,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State
-from kneejax.mechanics._wrench import Wrench, Wrenches
+from kneejax.mechanics._loads import Wrench, Wrenches
 from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
 from kneejax.numerics import positive_part
 

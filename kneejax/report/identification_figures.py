@@ -376,8 +376,7 @@ def standard_errors_figure(design: Design) -> Figure:
         axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2, label="after each test")
     word = f"after {'the test' if last == 1 else f'all {last} tests'}"
     axes.plot(parts[-1], y, "o", ms=5, color=VERMILLION, zorder=4, label=word)
-    prior = "prior SD (spread between knees)"
-    axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1, label=prior)
+    axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1, label="prior SD")
     low, high = parts.min() / 1.3, max(parts.max(), 1.0) * 1.3
     draw.name_rows(axes, y, names)
     axes.set(xscale="log", xlim=(low, high), ylim=(n - 0.5, -0.5),

@@ -235,9 +235,9 @@ def design_words(design: Design) -> list[str]:
 
 def design_notes(design: Design) -> list[str]:
     """What else a reader must know."""
-    notes = [prose("design.prior")] if design.prior_assumed else []
+    notes = [prose("design.prior")] if design.prior_assumed.any() else []
     prior = np.full(len(design.names), np.inf) if design.prior is None else design.prior
-    said = np.isfinite(prior) & ~(design.prior_assumed & (prior == design.scale))
+    said = np.isfinite(prior) & ~design.prior_assumed
     if said.any():
         names = joined([plain(name) for name in itertools.compress(design.names, said)])
         notes.append(prose("design.stated", names=names))
@@ -279,7 +279,7 @@ def design_section(design: Design) -> Section:
     errors = Table.of({
         "parameter": design.names, "unit": units, Column("prior SD", show="2"): design.scale,
         tuple(Column(head, show="2") for head in heads): design.standard_errors[shown].T,
-    }, "Expected standard errors (the prior SD is the spread between knees)")  # fmt: skip
+    }, "Expected standard errors (prior SD: as stated, else the spread between knees)")  # fmt: skip
     order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
     gain, factor, form = GAINS[design.criterion]
     best = Table([Column("test", words=True), Column("gain", words=False)],

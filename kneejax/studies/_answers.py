@@ -193,8 +193,9 @@ def identify(
     if None not in (noise_mm, noise_deg):
         asked = asked.replace(weights={name: 0.0 for name, x in asked.weights.items() if x == 0})
     with progress_of(progress, "fit and limits") as show:
-        found, sampled = inference.identify(asked.problem()), None
         known = _known_before(study, options)
+        spread = {name: sd for name, (_, sd) in known.items() if np.isfinite(sd)}
+        found, sampled = inference.identify(asked.problem(), spread=spread), None
         if options.posterior:
             drawn = None if show is None else functools.partial(show, "posterior")
             sampled = inference.posterior(
@@ -203,10 +204,10 @@ def identify(
                 draws=options.draws, seed=options.seed, truth=study.truth, progress=drawn)
         if show is not None:
             show("tests to make next", 0, 0)
-        spread = [known.get(name, (0.0, np.inf))[1] for name in study.selection.names]
+        prior = [spread.get(name, np.inf) for name in study.selection.names]
         design = inference.design_tests(found.selection, study.knee_at_start, found.information,
                                         found.noise, options.candidates, count=options.next_tests,
-                                        criterion=options.criterion, prior=spread)  # fmt: skip
+                                        criterion=options.criterion, prior=prior)  # fmt: skip
     return Identified(study, options, found, sampled, design, time.perf_counter() - begun)
 
 
@@ -241,10 +242,10 @@ def sensitivity(
     measured = study.poses()
     knee, parameters = study.knee_at_start, study.parameters
     flexion, seconds, begun = np.unique(measured[:, 0]), {}, time.perf_counter()
-    indices = None
+    indices, spread = None, _spread(study, options)
     with progress_of(progress, "slopes") as show:
         local = inference.local_sensitivity(knee, parameters, flexion, scale=options.scale,
-                                            given=options.prior)
+                                            given=spread)
         seconds["local"] = time.perf_counter() - begun
         begun = time.perf_counter()
         sweeps = inference.sweep(knee, _swept(study, options), flexion,
@@ -256,7 +257,7 @@ def sensitivity(
             indices = inference.motion_indices(
                 knee, parameters, measured, weights=study.first_weights,
                 offsets=study.frame_offset, bounds=study.limits, ranges=options.range,
-                priors=options.prior, method=options.indices, samples=options.samples,
+                priors=spread, method=options.indices, samples=options.samples,
                 seed=options.seed, failures=study.counted_failures,
                 progress=show and functools.partial(show, "indices"))  # fmt: skip
             seconds["global"] = time.perf_counter() - begun
@@ -299,12 +300,11 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
         case Sensitivity():
             _passive_alone(study, ["loads", "tests"], "sensitivities are")
             checks.sweep_values(knee, _swept(study, options))
-            stated(selection, options.prior, "prior")
-            width = np.asarray(selection.read(knee))
-            checks.step_widths(selection, width, options.scale, options.prior)
+            width, spread = np.asarray(selection.read(knee)), _spread(study, options)
+            checks.step_widths(selection, width, options.scale, spread)
             if options.indices is not None:
                 check_installed("SALib", "sensitivity")
-                checks.index_ranges(knee, selection, study.limits, options.range, options.prior,
+                checks.index_ranges(knee, selection, study.limits, options.range, spread,
                                     method=options.indices, samples=_samples(options))
 
 
@@ -316,6 +316,13 @@ def _known_before(study: Study, options: Identify) -> dict[str, tuple[float, flo
     each = zip(asked, study.selection.read(study.knee_at_start).tolist(), own, strict=True)
     found = [said or (sd and (middle, sd)) for said, middle, sd in each]
     return {name: x for name, x in zip(study.selection.names, found, strict=True) if x}
+
+
+def _spread(study: Study, options: Sensitivity) -> dict[str, float]:
+    """Standard deviations of what is known before, those that are stated: as in `_known_before`."""
+    both = (stated(study.selection, x, "prior") for x in (options.prior, study.believed))
+    each = zip(study.selection.names, *both, strict=True)
+    return {name: asked or own for name, asked, own in each if asked or own}
 
 
 def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:

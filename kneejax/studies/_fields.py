@@ -233,7 +233,7 @@ class Sensitivity(Options):
     scale: Annotated[Literal["prior", "percent"], Choice()] = meaning(
         "local derivatives per standard deviation of a prior, or per per cent", "prior")
     prior: Annotated[dict[str, float], PlainValidator(by_parameter(_spread))] = meaning(
-        "standard deviation of a parameter or wildcard; usual ones otherwise", dict)
+        "standard deviation of a parameter or wildcard; the study's or usual ones otherwise", dict)
     indices: Annotated[Literal["sobol", "morris"], Choice()] | None = meaning(
         "global indices of the motion too (package SALib)", None)
     samples: Annotated[int, reads(reading.whole, 0, 1_000_000)] | None = meaning(

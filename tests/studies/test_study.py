@@ -102,12 +102,16 @@ def test_what_a_study_believes_counts_in_the_posterior_and_in_what_to_measure_ne
     found = kj.identify(study, posterior=True)
     assert found.design.standard_errors[0, 0] < 9.0
     assert found.design.prior.tolist() == [9.0, np.inf]
+    assert found.found.information.scale[0] == 9.0 < found.found.information.scale[1]
     assert "The prior that is stated of ACL stiffness is" in design_notes(found.design)[0]
     # What is asked for counts before what the study says.
     found = kj.identify(study, posterior=True, prior={"*.stiffness": (4500.0, 2.0)})
     assert found.design.prior.tolist() == [2.0, 2.0]
     assert drawn == [{"ACL.stiffness": (4490.0, 9.0)},
                      dict.fromkeys(("ACL.stiffness", "PCL.stiffness"), (4500.0, 2.0))]  # fmt: skip
+    sweep = {"ACL.stiffness": (4400.0, 4500.0, 2)}
+    for prior, width in (({}, 9.0), ({"*.stiffness": 2.0}, 2.0)):
+        assert kj.sensitivity(study, sweep=sweep, prior=prior).local.widths[0] == width
 
 
 def test_so_many_fibres_are_doubted_with_the_structures_to_free_instead():

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import FEMUR_AND_TIBIA, Pair, Placement, Surface, numbers, partials
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._loads import Wrench
 from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._border import Border

@@ -20,7 +20,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Condyles, Pair, Placement, Surface, Vector
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._loads import Wrench
 from kneejax.mechanics.contact import _border
 from kneejax.mechanics.contact._border import Border
 from kneejax.mechanics.contact._points import (

@@ -29,7 +29,7 @@ from kneejax.geometry import (
     Surface,
     Vector,
 )
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._loads import Wrench
 from kneejax.mechanics.contact._border import rim_off
 from kneejax.mechanics.contact._patch import _NOTHING, Gap, Nearby, nearby
 

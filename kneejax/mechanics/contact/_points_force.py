@@ -35,7 +35,7 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import AXES, ZERO, Condyles, Matrix, Placement, Surface, Vector, plus, times
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._loads import Wrench
 from kneejax.mechanics.contact._border import OFF_SURFACE_MM
 from kneejax.mechanics.contact._points import (
     Points,

@@ -29,7 +29,7 @@ from kneejax.geometry import (
     path_points,
     taut,
 )
-from kneejax.mechanics._wrench import Wrench
+from kneejax.mechanics._loads import Wrench
 
 
 class _Node(NamedTuple):

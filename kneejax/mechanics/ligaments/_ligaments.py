@@ -14,7 +14,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector
-from kneejax.mechanics._wrench import Wrench, Wrenches
+from kneejax.mechanics._loads import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
 from kneejax.mechanics.ligaments import _neo_hookean as neo_hookean
 from kneejax.mechanics.ligaments._courses import Course, by_kind

@@ -48,7 +48,7 @@ def planned(criterion="D", candidates=None, chosen=(19, 3, 40), names=NAMES):
     after = np.where(status[:, None] == 0, errors[0] * np.linspace(1.0, 0.4, size)[:, None], np.nan)
     return Design(
         criterion, tuple(names), scale, tests, status, tuple(chosen), errors, fall, gains, after,
-        np.full(len(chosen), 0.1), scale, True, (names[0],),
+        np.full(len(chosen), 0.1), scale, np.isfinite(scale), (names[0],),
     )  # fmt: skip
 
 
