@@ -128,6 +128,7 @@ BAD = {
         "study.yaml: unknown parameter 'quadriceps.tensio': expected a ligament, a group or a part",
     ),
     "unknown ligament": (lambda t: simulate(t, "--cut", "foo"), "expected one of ACL, PCL"),
+    "cut twice": (lambda t: simulate(t, "--cut", "ACL", "--cut", "ACL"), "every name once"),
     "unknown load": (
         lambda t: simulate(t, "--load", "anterio_N=3"),
         "did you mean anterior_N?",

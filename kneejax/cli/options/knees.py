@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from kneejax.cli._command import Bundled, Command, Drawn, File, Form, Group, Only, Place, Problem
 from kneejax.cli._words import Split
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Mesh, Table, Values
-from kneejax.files.reading import meaning
+from kneejax.files.reading import Distinct, meaning
 
 # fmt: off
 Side = Literal["r", "l"]
@@ -276,7 +276,7 @@ class Activity(Drawn):
     instants: int | None = meaning("so many, evenly spaced; the coarsest table's rows otherwise",
                                    None, ge=4, le=20_000)
     values: Annotated[Values, PLANNED] = meaning(SET, {}, alias="set")
-    cut: Annotated[list[str], PLANNED, Form("LIGAMENT"), Group("Knee")] = meaning(
+    cut: Annotated[list[str], Distinct, PLANNED, Form("LIGAMENT"), Group("Knee")] = meaning(
         "compare with the knee in which a ligament, or a group of them, does not act, or without a "
         "meniscus or a part of it (as in simulate); once for each", [])
     convention: Annotated[Convention, Group("Results")] = meaning("of the poses written", "femoral")

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from kneejax.cli._command import Angles, Drawn, Form, Group, Only, Place, Problem, option_name
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Table, Values
-from kneejax.files.reading import Number, meaning, within
+from kneejax.files.reading import Distinct, Number, meaning, within
 
 # fmt: off
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
@@ -65,7 +65,7 @@ class Simulate(Drawn):
         "degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in tests, "
         "20 in lachman)", None)
     values: Values = meaning(SET, {}, alias="set")
-    cut: Annotated[list[str], Form("LIGAMENT"), KNEE_OPTIONS] = meaning(
+    cut: Annotated[list[str], Distinct, Form("LIGAMENT"), KNEE_OPTIONS] = meaning(
         "a ligament, or a group of them, that does not act; or a meniscus that is removed, whole "
         "or in part, as medial_meniscus, medial_meniscus:inner=0.5 (of its width) or "
         "medial_meniscus:posterior=0.4 (of its arc); once for each", [])
