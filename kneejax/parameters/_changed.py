@@ -30,7 +30,8 @@ def replaced(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
         every = [*given.values()]
         knee = selection.apply(knee, numpy_for(every).stack(every))
     if values and not traced(knee):
-        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
+        # Straight lengths are a check, too, and reading the knee has compiled them.
+        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference, False))
     return knee
 
 
