@@ -10,5 +10,3 @@ from kneejax.mechanics.contact._patch_force import *
 from kneejax.mechanics.contact._points import *
 from kneejax.mechanics.contact._points_force import *
 from kneejax.mechanics.contact._ring import *
-
-__all__ = ["cartilage_law"]

@@ -6,5 +6,3 @@ from kneejax.mechanics.ligaments._courses import *
 from kneejax.mechanics.ligaments._fibre_field import *
 from kneejax.mechanics.ligaments._law import *
 from kneejax.mechanics.ligaments._ligaments import *
-
-__all__ = ["ligament_law", "neo_hookean_law"]
