@@ -183,6 +183,10 @@ def quickly_with_bend(
     start, along = points.lines(motion)
     own = rays.follow(femoral, start, along, quick)
     level, gradient, bend = femoral.level_slope_and_bend(start - own * along)
+    # The gradient goes along with the last step: else forces would tell how far off the rays were
+    # found, which depends on those beside them.
+    step = level / jnp.minimum(gradient @ along, -rays.LEVEL)
+    gradient = gradient - jnp.clip(step, -rays.LAST_STEP, rays.LAST_STEP) * (bend @ along)
     usual = _usual(points, motion, own, level, gradient, gradient @ along)
     return usual, gradient, bend
 

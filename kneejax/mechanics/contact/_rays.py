@@ -83,10 +83,14 @@ def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, A
     femoral, start, along = lax.stop_gradient((femoral, start, along))
 
     def nearer(state):
-        step, depth, last, _, first = state
+        step, depth, last, before, first = state
         level, _, steep = look(femoral, depth, start, along)
         newton = level / jnp.minimum(steep, -_STEEP)
-        return step + 1, depth + newton, newton, last, jnp.where(step == 0, newton, first)
+        # A ray that is through stays: it must not depend on those that are searched beside it.
+        goes = (step < _QUICK_LOOKS) | (_coarse(depth, last, before) & ~_apart(depth, first))
+        depth = jnp.where(goes, depth + newton, depth)
+        last, before = jnp.where(goes, newton, last), jnp.where(goes, last, before)
+        return step + 1, depth, last, before, jnp.where(step == 0, newton, first)
 
     def goes_on(state) -> Array:
         step, depth, last, before, first = state
