@@ -9,7 +9,7 @@ from PIL import Image
 from tests.explore.waiting import settled, until
 
 CHROMIUM = Path("/usr/bin/chromium")
-WAIT_MS = 90_000
+WAIT_MS = 240_000
 
 
 def number(tab, label):
