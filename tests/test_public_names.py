@@ -30,7 +30,8 @@ def stated(package):
     for node in ast.walk(tree):
         for alias in node.names if isinstance(node, ast.ImportFrom) else ():
             if alias.name == "*":
-                offered = importlib.import_module(node.module).__all__
+                own = importlib.import_module(node.module)
+                offered = [*stated(own)] if hasattr(own, "__path__") else own.__all__
                 assert len(offered) == len(set(offered)), f"{node.module} names one twice"
                 found |= dict.fromkeys(offered, node.module)
             elif alias.asname == alias.name:

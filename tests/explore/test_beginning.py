@@ -106,9 +106,11 @@ def stop(process):
 def test_a_server_killed_and_started_again_serves_its_new_link_alone(browser):
     process, link = started(8460)
     tab = browser.new_page()
-    tab.goto(link)
-    tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
-    stop(process)
+    try:
+        tab.goto(link)
+        tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
+    finally:
+        stop(process)
     process, again = started(8460)
     try:
         assert urlsplit(again).netloc == urlsplit(link).netloc and again != link
