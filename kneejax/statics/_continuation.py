@@ -195,9 +195,8 @@ class Continuation(NamedTuple):
         nothing = jnp.full((size, *lanes), -1.0)
         begun = _Paths(
             behind=behind, place=none, active=(self.length > 0) & (behind.failed < self.give_up),
-            ended=yes, patient=no, at_first=no,
-            here=here, expected=behind.q, straight=none, y=y, state=state,
-            turns=jnp.asarray(0), record=nothing,
+            ended=yes, patient=no, at_first=no, here=here, expected=behind.q, straight=none,
+            y=y, state=state, turns=jnp.asarray(0), record=nothing,
         )  # fmt: skip
         return self._sent(begun, self._goal(none))
 
