@@ -5,8 +5,8 @@
     python data/make_four_ligament_fitted.py knee OUT   # data/knees/four_ligament_fitted.yaml
 
 Free are the attachments, each in the box around the footprint of the fibres that its line stands
-for. Stiffnesses and reference strains stay those of paper 1's Table 1. What paper 1 claims is not
-used; `docs/four_ligament_fitted.md` holds the knee against it.
+for, and reference strains within 0.01 of paper 1's Table 1, whose stiffnesses stay. What paper 1
+claims is not used; `docs/four_ligament_fitted.md` holds the knee against it.
 """
 
 from __future__ import annotations
